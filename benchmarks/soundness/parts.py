@@ -16,7 +16,10 @@ from benchmarks.soundness.reference import REFUSED, Reference, deepest, moves
 from benchmarks.soundness.report import Report, kind_of
 from benchmarks.soundness.scenes import SCALES, random_car, random_disc, random_robot, random_scene
 from benchmarks.soundness.walls import ceiling_world, spiked_world
+from benchmarks.soundness.zones import ROBOTS as LEAVING
+from benchmarks.soundness.zones import corner_query, judge_leaving, leaving_scene
 from trailmark import se2
+from trailmark.audit import check_path
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion
@@ -387,6 +390,41 @@ def scales(rng: Rng, report: Report) -> None:
     report.count("scaled worlds")
 
 
+def zones(rng: Rng, report: Report, n: int = 8) -> None:
+    """Starts in one to three keep-out zones: no path comes back into one that it left, or gets deeper."""
+    for _ in range(n):
+        asked = leaving_scene(rng, LEAVING[str(rng.choice(sorted(LEAVING)))])
+        if asked is None:
+            continue
+        ends = np.array([asked.start, asked.goal])
+        case = question("plan", ends, seconds=float(rng.choice([0.05, 0.1, 0.2])))
+        report.about_to_ask(asked.world, case)
+        result = LandmarkPlanner(asked.world, seed=0).plan(*ends, time_limit=case.seconds)
+        report.count("starts in zones")
+        report.count("paths out", result.path is not None)
+        complaint = None if result.path is None else judge_leaving(asked, result.path)
+        if complaint is None and result.cost is not None and result.lower_bound > result.cost * (1.0 + 1e-9):  # type: ignore[operator]  # a path has one
+            complaint = f"lower bound {result.lower_bound} above {result.cost}"
+        if complaint is not None:
+            report.case(kind_of(complaint), asked.world, case, complaint)
+
+
+def touches(rng: Rng, report: Report, n: int = 30) -> None:
+    """Motions past corners of one-way zones and obstacles, by 1e-9 to 1e-5 m: an audit finds all paths free."""
+    for _ in range(n):
+        world, ends = corner_query(rng)
+        case = question("plan", ends, seconds=0.02)
+        report.about_to_ask(world, case)
+        report.count("touches")
+        planner = LandmarkPlanner(world, seed=0)
+        if not np.asarray(planner.checker.valid(ends)).all():
+            continue
+        result = planner.plan(*ends, time_limit=case.seconds)
+        if result.path is not None and not (audit := check_path(world, None, result.path)).free:
+            complaint = f"collides, says check_path: {audit.collisions}"
+            report.case("collision", world, case, complaint)
+
+
 PARTS = {
     "states": Part(states, "states", 1_000_000),
     "motions": Part(motions, "grazing motions", 100_000),
@@ -397,4 +435,6 @@ PARTS = {
     "angles": Part(angles, "half turns", 100_000),
     "scales": Part(scales, "scaled worlds", 300),
     "clearances": Part(clearances, "least clearances", 10_000),
+    "zones": Part(zones, "starts in zones", 10_000),
+    "touches": Part(touches, "touches", 10_000),
 }

@@ -65,6 +65,8 @@ class CostZone(_Zone):
 class KeepOutZone(_Zone):
     """Where no part of the robot may be; it may touch the outline. A robot that starts inside may leave.
 
+    On its way out it gets deeper in no zone, and it does not come back into one that it left.
+
     Attributes:
         region: a :class:`trailmark.Polygon`, or its vertices, shape (n, 2), metres.
 

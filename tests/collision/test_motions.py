@@ -253,6 +253,22 @@ def test_passing_close_by_a_corner_is_certified(gap: float, exact: Literal["kern
             assert not checker.motion_valid((3, high, 0), (17, high, 0))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("exact", EXACT)
+def test_what_touches_near_an_end_overlaps_by_no_more_than_touching_may(exact: Literal["kernel", "fcl"]) -> None:
+    # Past a tip, which is behind it by less than a micrometre where the motion ends.
+    checker = checker_for(DIAMOND, Polygon(np.array([[10, 8], [12, 4], [8, 4]], dtype=float)), exact=exact)
+    rng = np.random.default_rng(3)
+    depth = rng.uniform(1.5e-7, 3e-7, 300)
+    a = np.column_stack([rng.uniform(8.0, 9.9, 300), 9.0 - depth, np.zeros(300)])
+    b = a.copy()
+    b[:, 0] = 10.0 + 1.5 * depth + 10.0 ** rng.uniform(-9.0, -6.5, 300)
+    assert checker.valid(a).all()
+    assert checker.valid(b).all()
+    assert not checker.motions_valid(a, b).any()
+    assert not checker.motions_valid(b, a).any()
+
+
 def test_hopeless_motions_end_soon() -> None:
     walls = (box(0, 0, 100, 4.5), box(0, 5.5, 100, 10))
     checker = StateChecker(World("corridor", (0, 0, 100, 10), walls), Robot.rectangle(1, 1 - 2e-5))

@@ -177,7 +177,7 @@ def _corners(rng: np.random.Generator, size: int) -> list[Case]:
 
     A square on its tip drives past the tip of another, ``depth`` lower than would be free: they overlap while the tips
     are less than ``depth`` apart, by ``depth`` where they are above each other. In the middle of a motion every overlap
-    above the tolerance counts, at its ends what is deeper than half of CONTACT.
+    above the tolerance counts, at its ends too.
     """
     n = 8 * size
     short = rng.uniform(0.05, 1.2, (6, n))

@@ -45,6 +45,9 @@ def straight(zones: list[OneWayZone], *ends: float) -> bool:
         ((0, 3, 0, -1), True),
         ((-1, 1, 1, -1), True),  # through a corner
         ((-1 + 1e-5, 1, 1 + 1e-5, -1), False),
+        ((-1 + 1.7e-7, 1, 1 + 1.7e-7, -1), True),  # by half of that into it
+        ((-1 + 2.1e-7, 1, 1 + 2.1e-7, -1), False),
+        ((-1, 1 - 2.1e-7, 1, 3 - 2.1e-7), False),
         ((3, 3, -1, -1), False),  # from corner to corner
         ((0.5, 0.5, 0.4, 0.5), False),  # wholly inside
         ((1, 2, 1, 2.5), True),  # away from the outline

@@ -7,6 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from benchmarks.soundness.zones import ROBOTS as STARTS
+from benchmarks.soundness.zones import judge_leaving, leaving_scene
+from tests.support.trials import trials
 
 from trailmark import (
     ConfigurationError,
@@ -15,12 +18,14 @@ from trailmark import (
     KeepOutZone,
     LandmarkPlanner,
     Path,
+    PathAuditor,
     PlannerSettings,
     PlanProgress,
     PlanResult,
     Polygon,
     Rectangle,
     Robot,
+    StateChecker,
     World,
     check_path,
     se2,
@@ -74,7 +79,8 @@ def assert_leaves(world: World, robot: Robot, path: Path) -> None:
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_a_start_inside_leaves_past_obstacles(name: str) -> None:
     world = World("w", BOUNDS, (Rectangle((8.0, 6.0), 0.5, 5.0),), zones=(zone(MIDDLE),))
-    result = plan(world, ROBOTS[name], (5.0, 6.0, 0.0), (15.0, 6.0, 0.0))
+    # One that only drives ahead has to face the side that is near.
+    result = plan(world, ROBOTS[name], (5.0, 6.0, np.pi if name == "dubins" else 0.0), (15.0, 6.0, 0.0))
     assert result.status == "solved"
     assert result.path is not None
     assert result.lower_bound is not None
@@ -181,6 +187,93 @@ def test_updates_replans_and_progress() -> None:
     free = planner.plan(start, goal)
     assert free.path is not None
     assert free.path.cost <= 1.001 * first.path.cost
+
+
+HALL = World("hall", (0.0, 0.0, 12.0, 6.0), zones=(KeepOutZone(Polygon([(4, 0), (8, 0), (8, 5), (4, 5)])),))  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "robot",
+    [
+        Robot.disc(0.3),
+        Robot.rectangle(0.6, 0.4),
+        Robot.rectangle(0.6, 0.4).differential(reverse=True),
+        Robot.rectangle(0.6, 0.4).steered(0.5),
+    ],
+    ids=lambda robot: robot.describe(),
+)
+def test_a_centimetre_inside_it_backs_out(robot: Robot) -> None:
+    start, goal = (3.71, 2.0, 0.0), (11.0, 2.0, 0.0)
+    planner = LandmarkPlanner(HALL, robot, seed=0)
+    planned = planner.plan(start, goal)
+    many = planner.plan_many([start, (1.0, 1.0, 0.0)], [goal, goal])
+    outside = planner.plan((3.69, 2.0, 0.0), goal)
+    assert outside.path is not None
+    again = planner.replan(start, goal, outside.path)
+    assert again.escape >= 1
+    assert many[1].path is not None
+    for result in (planned, many[0], again):
+        assert result.path is not None
+        assert 11.7 < result.path.length < 12.6
+        assert result.min_clearance == 0.0
+        assert result.lower_bound is not None
+        assert result.lower_bound <= result.path.cost
+        assert check_path(HALL, robot, result.path).free
+        assert_leaves(HALL, robot, result.path)
+
+
+@pytest.mark.slow
+def test_a_zone_that_was_left_is_closed_though_another_is_not() -> None:
+    around = KeepOutZone(Polygon([(1, 1), (9, 1), (9, 9), (1, 9)]))  # type: ignore[arg-type]
+    two_arms = KeepOutZone(Polygon([(2, 2), (3, 2), (3, 7), (6, 7), (6, 2), (7, 2), (7, 8), (2, 8)]))  # type: ignore[arg-type]
+    world = World("c", (0.0, 0.0, 12.0, 10.0), zones=(around, two_arms))
+    result = plan(world, ROBOTS["disc"], (2.5, 4.0, 0.0), (11.0, 4.0, 0.0))
+    assert result.path is not None
+    assert result.path.states[1, :2] == pytest.approx([0.7, 4.0], abs=1e-3)
+    assert_leaves(world, ROBOTS["disc"], result.path)
+    assert check_path(world, ROBOTS["disc"], result.path).free
+
+
+def test_between_two_zones_it_gets_deeper_in_neither() -> None:
+    # Out of either, the shortest way leads deeper into the other.
+    left, right = zone(Rectangle((4.0, 5.0), 4.0, 6.0)), zone(Rectangle((7.0, 5.0), 4.0, 6.0))
+    world = World("w", BOUNDS, zones=(left, right))
+    result = plan(world, ROBOTS["disc"], (5.5, 7.0, 0.0), (15.0, 6.0, 0.0), 0.5)
+    assert result.path is not None
+    assert result.path.states[1, :2] == pytest.approx([5.5, 8.3], abs=1e-3)
+    assert_leaves(world, ROBOTS["disc"], result.path)
+
+
+def test_what_cannot_leave_without_getting_deeper_gets_no_path() -> None:
+    world = World("w", BOUNDS, zones=(zone(MIDDLE),))
+    result = plan(world, ROBOTS["dubins"], (3.5, 6.0, 0.0), (15.0, 6.0, 0.0), 0.2)
+    assert (result.status, result.path) == ("timeout", None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(STARTS))
+def test_random_starts_in_zones_against_another_judge(name: str) -> None:
+    solved = 0
+    for seed in trials(12, of=3):
+        asked = leaving_scene(np.random.default_rng([2, seed]), STARTS[name])
+        if asked is None:
+            continue
+        result = LandmarkPlanner(asked.world, seed=0).plan(asked.start, asked.goal, time_limit=0.2)
+        if result.path is not None:
+            assert judge_leaving(asked, result.path) is None
+            solved += 1
+    assert solved > 0
+
+
+def test_an_audit_may_ask_for_a_way_out_that_gets_no_deeper() -> None:
+    world = World("w", BOUNDS, zones=(zone(MIDDLE),))
+    auditor = PathAuditor(StateChecker(world, ROBOTS["rectangle"]), rise=1e-4)
+    assert auditor.audit([[7.0, 6.0, 0.0], [15.0, 6.0, 0.0]]).free
+    deeper = auditor.audit([[5.0, 6.0, 0.0], [15.0, 6.0, 0.0]])
+    assert [(c.obstacle, c.begin < 1e-3, round(c.depth, 2)) for c in deeper.collisions] == [
+        ("keep-out zone 0", True, 3.2)
+    ]
 
 
 def test_audits_let_a_path_leave() -> None:

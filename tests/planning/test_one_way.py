@@ -18,6 +18,7 @@ from trailmark import (
     Rectangle,
     Robot,
     World,
+    check_path,
     se2,
 )
 
@@ -140,6 +141,16 @@ def test_a_tolerance_of_half_a_turn_forbids_nothing() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("depth", [8e-8, 1.2e-7, 1.9e-7, 4e-7, 2e-6])
+def test_a_path_past_a_corner_is_free_to_an_audit(depth: float) -> None:
+    world = World("w", (0.0, 0.0, 4.0, 4.0), robot=ROBOTS["disc"], zones=(OneWayZone(box(2, 1, 3, 2), math.pi, 2.0),))
+    start, goal = (1.7, 1.7 - 2.0 * depth, 0.0), (2.3, 2.3 - 2.0 * depth, 0.0)
+    result = LandmarkPlanner(world, seed=0, settings=QUICK).plan(start, goal, gap=np.inf)
+    assert result.path is not None
+    assert check_path(world, None, result.path).free
+    assert check_path(world, None, [start, goal]).free == (depth < 1e-7)
+
+
 def test_worlds_with_zones_change() -> None:
     world = World("w", BOUNDS, WALL, ids=("low", "high"), zones=(OneWayZone(GAP, math.pi, 0.5),))
     planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)

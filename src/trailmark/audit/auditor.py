@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,9 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.arguments import one_of
 from trailmark.audit.attribution import Attribution, merged
+from trailmark.audit.depth import Penetration, deepest, first_rise
 from trailmark.audit.one_way import wrong_ways
-from trailmark.audit.result import PathAudit
+from trailmark.audit.result import Collision, PathAudit
 from trailmark.audit.scale import Scale
 from trailmark.audit.verdict import colliding_parts
 from trailmark.collision import StateChecker
@@ -25,8 +27,8 @@ from trailmark.world import BOUNDS_LIMIT, Robot, World
 
 __all__ = ["PathAuditor", "check_path"]
 
-SAGITTA = 5e-7
-"""Metres that a car's arc may be off its chords: half of what its certified curves keep from obstacles."""
+SAGITTA = 5e-8
+"""Metres that a car's arc may be off its chords: near their ends, certified curves may touch."""
 
 WITHIN = 5e-7
 """Metres that the true least clearance may be less than the one found."""
@@ -52,13 +54,15 @@ class PathAuditor:
 
     Args:
         checker: for the world and the robot; that it keeps a clearance is left aside.
+        rise: metres by which it may be deeper in a keep-out zone that it leaves than it was before: planners are
+            stricter than an audit of anybody's path, which may leave by any way.
     """
 
-    def __init__(self, checker: StateChecker) -> None:
+    def __init__(self, checker: StateChecker, rise: float = np.inf) -> None:
         one_of(checker, StateChecker, "audit: checker:")
         if checker.robot.clearance > 0.0:
             checker = StateChecker(checker.world, checker.robot, clearance=0.0)
-        self.checker = checker
+        self.checker, self._rise = checker, rise
         self._core, self._body = core_of(checker.robot), whole(checker.robot)
         self._attribution = Attribution(checker, self._core)
         self._keep_outs = keep_outs(checker.world)
@@ -88,17 +92,13 @@ class PathAuditor:
         if len(parts):
             found = self._attribution.collisions(scale, merged(parts, scale))
             clearance, place = 0.0, scale.interval(found[0].motions)[0]
-            # A robot may leave the keep-out zones that it starts in.
-            collisions = tuple(
-                c
-                for c in found
-                if c.obstacle not in self._keep_outs or c.motions[0] > 0.0 or c.motions[1] == len(states) - 1
-            )
+            kept = (c if c.obstacle not in self._keep_outs else self._unless_it_leaves(c, scale) for c in found)
+            collisions = tuple(c for c in kept if c is not None)
         else:
             collisions = ()
             clearance, motion, share = least_clearance(grid, field, footprint, self._body, states, WITHIN)
             place = float(scale.place(motion, share))
-        if wrong := wrong_ways(self.checker.world.zones, scale):
+        if wrong := wrong_ways(self.checker.world.zones, scale, isinstance(given, CurvePath)):
             collisions = tuple(sorted([*collisions, *wrong], key=lambda c: (c.motions, str(c.obstacle))))
         x, y, theta = scale.poses(place)[0].tolist()
         return PathAudit(
@@ -114,6 +114,21 @@ class PathAuditor:
             max_curvature=_max_curvature(states),
             **(_maneuvers(given) if self.checker.robot.turning_radius is not None else {}),
         )
+
+    def _unless_it_leaves(self, found: Collision, scale: Scale) -> Collision | None:
+        """Return a collision with a keep-out zone; None if the path starts in it and may leave it so."""
+        if found.motions[0] > 0.0 or found.motions[1] == len(scale.states) - 1:
+            return found
+        if self._rise == np.inf:
+            return None
+        begin, end = scale.interval(found.motions)
+        depths = Penetration(self.checker.robot, self._keep_outs[str(found.obstacle)]).at
+        rises = first_rise(depths, scale.poses, begin, end, self._rise)
+        if rises is None:
+            return None
+        motion, share = scale.motion(rises)
+        depth = deepest(depths, scale.poses, rises, end)
+        return replace(found, begin=scale.length(rises), motions=(motion + share, found.motions[1]), depth=depth)
 
 
 def _maneuvers(path: Path) -> dict[str, Any]:

@@ -20,10 +20,16 @@ from trailmark.shapes import Disc, Polygon, Shape, signed_area
 from trailmark.triangles import convex_pieces
 from trailmark.world import Robot
 
-__all__ = ["Penetration", "bounds_depth", "deepest"]
+__all__ = ["RISE", "Penetration", "bounds_depth", "deepest", "first_rise"]
 
 ARC = 64
 """Chords of a quarter of a circle, where a disc meets what is not convex: short by 7.5e-5 of its radius at most."""
+
+RISE = 1e-4
+"""Metres by which a robot on its way out may be deeper than it was before."""
+
+LOOKS = 50_000
+"""Depths computed at most to see that they never rise: an interval for which that is not enough counts as one."""
 
 SAMPLES, PRECISION, EFFORT = 17, 1e-3, 200
 """Depths of an interval computed at first; share of the largest to which it is known; depths computed at most."""
@@ -115,6 +121,36 @@ def deepest(
         order = np.argsort(places, kind="stable")
         places, found = places[order], found[order]
     return float(found.max())
+
+
+def first_rise(
+    depths: Callable[[FloatArray], FloatArray],
+    poses: Callable[[FloatArray], FloatArray],
+    u0: float,
+    u1: float,
+    rise: float,
+) -> float | None:
+    """Return a place on an interval of a path before which depths are proven not to rise; None if that is so for all.
+
+    Proven is that nowhere the depth is larger by more than ``rise`` (metres) than anywhere before. Other arguments are
+    those of :func:`deepest`.
+    """
+    places = np.linspace(u0, u1, SAMPLES) if u1 > u0 else np.array([u0])
+    found = depths(poses(places))
+    while True:
+        least = np.minimum.accumulate(found)
+        # Between two places, depths change by no more than the path goes.
+        most = 0.5 * (found[1:] + found[:-1] + np.diff(places)) - least[:-1]
+        rises = found[1:] - least[:-1] > rise
+        split = np.flatnonzero(rises | (most > rise))
+        if rises.any() or (len(split) and len(places) > LOOKS):
+            return float(places[split[0]])
+        if len(split) == 0:
+            return None
+        new = 0.5 * (places[split] + places[split + 1])
+        places, found = np.append(places, new), np.append(found, depths(poses(new)))
+        order = np.argsort(places, kind="stable")
+        places, found = places[order], found[order]
 
 
 def _pieces_of(polygon: Polygon) -> FloatArray:

@@ -13,24 +13,23 @@ from trailmark.audit.attribution import merged
 from trailmark.audit.depth import deepest
 from trailmark.audit.result import Collision
 from trailmark.audit.scale import Scale
+from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.se2 import FloatArray
 from trailmark.zones import OneWayZone, Zone
 
 __all__ = ["wrong_ways"]
 
-RIM = 1e-7
-"""Metres from a zone's outline that a path may travel in any direction, as it may overlap obstacles."""
-
 SLACK, IN_PLACE = 1e-6, 1e-9
 """Radians by which a direction may be beyond the tolerance, and metres: what is shorter is a turn in place."""
 
 
-def wrong_ways(zones: Iterable[Zone], scale: Scale) -> list[Collision]:
+def wrong_ways(zones: Iterable[Zone], scale: Scale, chords: bool = False) -> list[Collision]:
     """Return the intervals of a path that lead through one-way zones in a wrong direction.
 
     Args:
         zones: of the world.
         scale: of the path, straight motions.
+        chords: whether these are chords of a car's curves, of which any part may go in the direction that suits best.
 
     Returns:
         Collisions with ``one-way zone i``; the depth is the reference point's distance from the outline.
@@ -41,14 +40,18 @@ def wrong_ways(zones: Iterable[Zone], scale: Scale) -> list[Collision]:
     states, found = scale.states, []
     steps = np.diff(states[:, :2], axis=0)
     lengths, ahead = np.hypot(*steps.T), np.arctan2(steps[:, 1], steps[:, 0])
+    directions = [ahead]
+    if chords:
+        headings = np.stack([states[:-1, 2], states[1:, 2]])
+        directions += list(headings + np.pi * (np.cos(headings - ahead) < 0.0))
     for i, zone in one_way:
         outline = zone.region.shapely().boundary
 
         def depths(q: FloatArray, outline: shapely.Geometry = outline) -> FloatArray:
             return np.asarray(shapely.distance(outline, shapely.points(q[:, :2])))
 
-        region = shapely.buffer(zone.region.shapely(), -RIM, join_style="mitre")
-        off = np.abs(se2.wrap(ahead - zone.heading))
+        region = shapely.buffer(zone.region.shapely(), -TOUCHING_TOLERANCE, join_style="mitre")
+        off = np.abs(se2.wrap(np.stack(directions) - zone.heading)).min(axis=0)
         wrong = np.flatnonzero((lengths > IN_PLACE) & (off > zone.tolerance + SLACK))
         lines = shapely.linestrings(np.stack([states[wrong, :2], states[wrong + 1, :2]], axis=1))
         rows = []

@@ -38,7 +38,7 @@ class PathAudit:
     """What an audit of a path found.
 
     Attributes:
-        path: what was audited: straight motions between these states, which follow a car's curve within 5e-7 m.
+        path: what was audited: straight motions between these states, which follow a car's curve within 5e-8 m.
         free: whether the robot overlaps no obstacle by more than 1e-7 m anywhere along the path, and stays inside.
         collisions: in their order along the path, by obstacle; empty if it is free.
         min_clearance: least clearance along the path, metres; found by exact distances, at most 5e-7 m above the true

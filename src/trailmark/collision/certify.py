@@ -57,7 +57,12 @@ CONTACT = 1e-6
 """Metres: a motion that comes closer than this to an obstacle is not certified, except near its ends."""
 
 END_SHARE = 1e-4
-"""Maximum length of an end's gap as a share of the robot's inscribed radius: for tiny robots a micrometre is much."""
+"""Maximum length of an end's zone of contact as a share of the robot's inscribed radius: for tiny robots a micrometre
+is much."""
+
+WITHIN_RIM, AT_END = 0.9, 0.2
+"""Of the footprint's rim: how far in an end's zone of contact what is clear of obstacles certifies that nothing else of
+the robot than its rim meets any, and what is left over at an end that is valid."""
 
 END_ZONE = 1e-3
 """Metres from either end of a motion in which it may come closer than CONTACT, as one that starts in contact does."""
@@ -133,7 +138,7 @@ def _curve_pose(track: CurveTrack, along: float) -> tuple[float, float, float]:
 
 @njit(cache=True)
 def end_gap(robot: Footprint) -> float:
-    """Return the maximum length (metres of movement) of a gap at an end of a motion that counts as free."""
+    """Return how long (metres of movement) the zone at either end of a motion is in which the robot may touch."""
     return min(CONTACT, END_SHARE * float(robot.inner[0, 2]))
 
 
@@ -156,9 +161,9 @@ def certify(
 ) -> int:
     """Return FREE if a track is certified, BLOCKED if it is not, UNDECIDED if the field alone cannot tell.
 
-    Both ends must be valid. A robot may start and stop in contact with an obstacle: a gap at an end counts as free if
-    it is no longer than :func:`end_gap`, since no place in it is farther than half of that from the valid end or from
-    what is certified.
+    Both ends must be valid. A robot may start and stop in contact with an obstacle: within :func:`end_gap` of an end it
+    may overlap one by its rim, as a valid configuration may. What does not overlap anything there certifies as much on
+    either side.
 
     Args:
         grid: the obstacles.
@@ -189,7 +194,8 @@ def certify(
         else:
             last = (first + count) % capacity
             low, high = queue[last, 0], queue[last, 1]
-        if (low == 0.0 or high == bound) and high - low <= open_end:
+        touching = high <= open_end or low >= bound - open_end
+        if touching and (low == 0.0 or high == bound) and high - low <= AT_END * robot.rim:
             continue
         middle = 0.5 * (low + high)
         need = 0.5 * (high - low) + ROUNDING
@@ -209,13 +215,16 @@ def certify(
                 cap = min(need + ROUNDING, max(d, 0.0) + 4.0 * field.slack)
                 d = exact_clearance(grid, robot, placed, x, y, c, s, cap)
                 near_end = min(middle, bound - middle) < END_ZONE
-                if d < need and d < CONTACT and (d <= ROUNDING or not near_end):
+                if d < need and d < CONTACT and (d <= (0.0 if touching else ROUNDING) or not near_end):
                     return BLOCKED
+        reach = d - ROUNDING
+        if touching and d > 0.0:
+            reach = d + WITHIN_RIM * robot.rim
+            need = 0.5 * (high - low) - WITHIN_RIM * robot.rim
         if d < need:
             # Without space for both gaps the motion is not certified.
             if count + 2 > capacity:
                 break
-            reach = d - ROUNDING
             queue[(first + count) % capacity, 0] = low
             queue[(first + count) % capacity, 1] = middle - reach
             queue[(first + count + 1) % capacity, 0] = middle + reach

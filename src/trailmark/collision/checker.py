@@ -310,11 +310,13 @@ class StateChecker:
         """Certify one motion by FCL distances, from its middle outwards; ends are known to be valid."""
         bound = float(se2.motion_bound(a, b, self.footprint.sweep_radius))
         gaps = [(0.0, 1.0)] if bound > 0.0 else []
+        open_end, rim = certify.end_gap(self.footprint), self.footprint.rim
         for _ in range(certify.BUDGET):
             if not gaps:
                 return True
             low, high = gaps.pop(0)
-            if (low == 0.0 or high == 1.0) and (high - low) * bound <= certify.end_gap(self.footprint):
+            touching = min(high, 1.0 - low) * bound <= open_end
+            if touching and (low == 0.0 or high == 1.0) and (high - low) * bound <= certify.AT_END * rim:
                 continue
             middle = 0.5 * (low + high)
             need = 0.5 * (high - low) * bound + kernels.ROUNDING
@@ -323,9 +325,14 @@ class StateChecker:
                 continue
             if d < certify.CONTACT:
                 near_end = min(middle, 1.0 - middle) * bound < certify.END_ZONE
-                if d <= kernels.ROUNDING or not near_end:
+                if d <= (0.0 if touching else kernels.ROUNDING) or not near_end:
                     return False
-            reach = (d - kernels.ROUNDING) / bound
+            reach = d - kernels.ROUNDING
+            if touching:
+                reach = d + certify.WITHIN_RIM * rim
+                if reach >= 0.5 * (high - low) * bound:
+                    continue
+            reach /= bound
             gaps += [(low, middle - reach), (middle + reach, high)]
         return False
 

@@ -21,6 +21,9 @@ TOUCHING_TOLERANCE = 1e-7
 DEEP_TOLERANCE = 3e-7
 """Overlap (metres) from which the kernels decide that there is a collision; between the two FCL decides."""
 
+THINNER = 0.9
+"""Times what corners allow, an erosion is deep: the error of buffers is a few per cent of their distance."""
+
 FINER = 6
 """How many times an erosion is made ten times thinner for sharp tips: to about 1e-14 m, the size of rounding."""
 
@@ -41,6 +44,7 @@ class Footprint(NamedTuple):
         circumradius: largest distance of the footprint from the reference point.
         sweep_radius: R in the motion bound ‖Δxy‖ + R·|Δθ|; 0 for a disc.
         dilation: radius of the disc by which the outline is dilated; a disc robot is a point dilated.
+        rim: how far inside of the footprint what may meet no obstacle lies (:func:`overlap_core`), but for sharp tips.
     """
 
     outline: FloatArray
@@ -51,6 +55,7 @@ class Footprint(NamedTuple):
     circumradius: float
     sweep_radius: float
     dilation: float
+    rim: float
 
     @property
     def is_disc(self) -> bool:
@@ -64,7 +69,9 @@ def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
     if isinstance(shape, Disc):
         disc = np.array([[0.0, 0.0, robot.circumradius]])
         none = np.empty((0, 2))
-        return Footprint(none, none, np.inf, disc, disc, robot.circumradius, 0.0, robot.circumradius)
+        return Footprint(
+            none, none, np.inf, disc, disc, robot.circumradius, 0.0, robot.circumradius, TOUCHING_TOLERANCE
+        )
     region, clearance = robot.outline.shapely(), robot.clearance
     # A copy: shapes are read-only, which numba would take for another type and compile anew for.
     outline = np.array(robot.outline.rings()[0], order="C")
@@ -84,6 +91,7 @@ def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
         robot.circumradius,
         robot.sweep_radius,
         clearance,
+        THINNER * touching_depth(outline),
     )
 
 
@@ -106,8 +114,7 @@ def overlap_core(outline: FloatArray) -> list[shapely.Polygon]:
         outline: vertices, shape (v, 2), counter-clockwise, metres.
     """
     region = shapely.Polygon(outline)
-    # A tenth less than what corners allow: the error of buffers is a few per cent of their distance.
-    depth = 0.9 * touching_depth(outline)
+    depth = THINNER * touching_depth(outline)
     parts = shapely.get_parts(eroded(region, depth)).tolist()
     for _ in range(FINER):
         core = shapely.union_all(parts)

@@ -2,7 +2,8 @@
 
 A straight motion or a car's arc is cut where it crosses an outline and where its direction of travel begins or ends to
 be allowed; each part between two cuts lies either inside or outside of a zone and has an allowed direction either
-everywhere or nowhere, which its middle tells. Nothing is sampled.
+everywhere or nowhere, which its middle tells. Of one inside it is proven that all of it is near to the outline, by
+edges that both of its ends are near to, its halves taken one by one where there is none. Nothing is sampled.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
+from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.compiled import njit
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import wrapped
@@ -24,14 +26,18 @@ from trailmark.zones import OneWayZone, Zone
 
 __all__ = ["DEPTH", "OneWays", "curve_allowed", "one_ways", "straight_allowed", "straight_valid"]
 
-DEPTH = 1e-7
-"""Metres by which a motion may reach into a zone in any direction: as far as the robot may overlap obstacles."""
+DEPTH = 0.9 * TOUCHING_TOLERANCE
+"""Metres by which a motion may reach into a zone in any direction: as far as the robot may overlap obstacles, a tenth
+of which is left for rounding."""
 
 ANGLE = 1e-9
 """Radians by which a direction may lie beyond the tolerance: a tolerance of 0 leaves no room for rounding."""
 
 IN_PLACE = 1e-9
 """Metres: what is shorter has no direction of travel, the robot turns in place."""
+
+HALVINGS = 40
+"""Of a part of a motion, at most: then it is no longer than rounding, and not proven to be near the outline."""
 
 NEAR = 1e-6
 """Metres from a motion at which a corner of an outline cuts it too: rounding may hide that it crosses an edge there."""
@@ -164,10 +170,50 @@ def _piece_allowed(zones: OneWays, x: float, y: float, ahead: float, side: float
         sort_in_place(cuts, count + 1)
         for i in range(count):
             middle = 0.5 * (cuts[i] + cuts[i + 1])
-            if cuts[i + 1] - cuts[i] > IN_PLACE and fabs(wrapped(off + side * middle / radius)) > tolerance:
-                px, py, _ = drive(x, y, ahead, side, middle, radius)
-                if _deep_inside(edges, px, py):
-                    return False
+            wrong = cuts[i + 1] - cuts[i] > IN_PLACE and fabs(wrapped(off + side * middle / radius)) > tolerance
+            if wrong and not _near_outline(edges, x, y, ahead, side, cuts[i], cuts[i + 1], radius):
+                return False
+    return True
+
+
+@njit(cache=True)
+def _near_outline(
+    edges: FloatArray, x: float, y: float, ahead: float, side: float, begin: float, end: float, radius: float
+) -> bool:
+    """Return whether a part of a piece, ``begin`` to ``end`` metres along it, is outside of a zone or near its outline.
+
+    Other arguments are those of :func:`_piece_allowed`.
+    """
+    px, py, _ = drive(x, y, ahead, side, 0.5 * (begin + end), radius)
+    if not _inside(edges, px, py):
+        return True
+    parts = np.empty((HALVINGS + 1, 2))
+    parts[0, 0], parts[0, 1] = begin, end
+    count = 1
+    while count > 0:
+        count -= 1
+        low, high = parts[count]
+        ax, ay, _ = drive(x, y, ahead, side, low, radius)
+        bx, by, _ = drive(x, y, ahead, side, high, radius)
+        # The distance from an edge is convex along a line; an arc is no farther than this from its chord.
+        bulge = fabs(side) * (high - low) ** 2 / (8.0 * radius)
+        near = False
+        for edge in edges:
+            if max(_distance(edge, ax, ay), _distance(edge, bx, by)) + bulge <= DEPTH:
+                near = True
+                break
+        if near:
+            continue
+        middle = 0.5 * (low + high)
+        mx, my, _ = drive(x, y, ahead, side, middle, radius)
+        deep = True
+        for edge in edges:
+            deep = deep and _distance(edge, mx, my) > DEPTH
+        if deep or count + 2 > len(parts):
+            return False
+        parts[count, 0], parts[count, 1] = low, middle
+        parts[count + 1, 0], parts[count + 1, 1] = middle, high
+        count += 2
     return True
 
 
@@ -226,14 +272,18 @@ def _cut_arc(
 
 
 @njit(cache=True)
-def _deep_inside(edges: FloatArray, x: float, y: float) -> bool:
-    """Return whether a point is inside of a zone and more than DEPTH from its outline."""
+def _distance(edge: FloatArray, x: float, y: float) -> float:
+    """Return the distance (metres) of a point from an edge, x1, y1, x2, y2."""
+    ex, ey, px, py = edge[2] - edge[0], edge[3] - edge[1], x - edge[0], y - edge[1]
+    t = min(1.0, max(0.0, (px * ex + py * ey) / (ex * ex + ey * ey)))
+    return hypot(px - t * ex, py - t * ey)
+
+
+@njit(cache=True)
+def _inside(edges: FloatArray, x: float, y: float) -> bool:
+    """Return whether a point is inside of a zone."""
     inside = False
     for x1, y1, x2, y2 in edges:
-        ex, ey, px, py = x2 - x1, y2 - y1, x - x1, y - y1
-        t = min(1.0, max(0.0, (px * ex + py * ey) / (ex * ex + ey * ey)))
-        if hypot(px - t * ex, py - t * ey) <= DEPTH:
-            return False
-        if (y1 > y) != (y2 > y) and (ex * py - ey * px > 0.0) == (y2 > y1):
+        if (y1 > y) != (y2 > y) and ((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1) > 0.0) == (y2 > y1):
             inside = not inside
     return inside

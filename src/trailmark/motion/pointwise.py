@@ -196,6 +196,7 @@ def _numbers(checker: StateChecker) -> list[float]:
         robot.circumradius,
         robot.sweep_radius,
         robot.dilation,
+        robot.rim,
     ]
 
 
@@ -213,7 +214,7 @@ pointer: Any = intrinsic(_to_pointer)
 
 @njit(cache=True)
 def _numbers_at(address: int) -> FloatArray:
-    return carray(pointer(carray(pointer(address), (38,), np.int64)[37]), (11,), np.float64)
+    return carray(pointer(carray(pointer(address), (38,), np.int64)[37]), (12,), np.float64)
 
 
 @njit(cache=True)
@@ -248,6 +249,7 @@ def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
         numbers[8],
         numbers[9],
         numbers[10],
+        numbers[11],
     )
     return grid, field, robot
 

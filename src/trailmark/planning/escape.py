@@ -1,31 +1,42 @@
-"""Escape: the shortest way out of an obstacle that the robot stands in, along which it is never deeper in it.
+"""Escape: the shortest way out of what the robot stands in, along which it is never deeper in it.
 
-The penetration depth is the length of the shortest translation to a place where the robot is free (Dobkin,
-Hershberger, Kirkpatrick & Suri, "Computing the intersection-depth of polyhedra", Algorithmica 9, 1993). Along that very
-translation it falls by a metre for each metre: no place along it has a nearer way out, by the triangle inequality.
-A car or a differential drive does not move sideways: of the arcs, or straight drives and turns in place, that lead out
-and along which the depth never rises, it takes the shortest.
+Out of keep-out zones it is never deeper in any of them, so that each is closed once it is left, and clear of all else;
+out of obstacles it is never deeper in all that blocks taken together. The penetration depth is the length of the
+shortest translation to a place where the robot is free (Dobkin, Hershberger, Kirkpatrick & Suri, "Computing the
+intersection-depth of polyhedra", Algorithmica 9, 1993). Along that very translation it falls by a metre for each metre:
+no place along it has a nearer way out, by the triangle inequality. A car or a differential drive does not move
+sideways: of the arcs, or straight drives and turns in place, that lead out and along which the depth never rises, it
+takes the shortest.
+
+Where no such motion leads out of keep-out zones, several in a row are sought, the shortest first (A*). What leads out
+of zones is not sampled: an audit (:mod:`trailmark.audit`) certifies that none is entered deeper, or again, and the
+motions are certified against all else.
 """
-
-# Tested by tests/planning/test_escape.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from heapq import heappop, heappush
 from math import cos, pi
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.audit import PathAuditor
+from trailmark.audit.depth import RISE, Penetration
 from trailmark.collision import StateChecker
 from trailmark.curves.words import drive
+from trailmark.keep_out import keep_outs
+from trailmark.motion import Motion
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.triangles import convex_pieces
 from trailmark.world import Robot, World
+from trailmark.zones import KeepOutZone
 
-__all__ = ["way_out"]
+__all__ = ["way_out", "ways_out_of_zones"]
 
 BEYOND = (1e-6, 1e-5, 1e-4, 1e-3)
 """Metres from all that blocks, tried in turn: rounding may leave the nearest free place itself in contact."""
@@ -45,6 +56,25 @@ CHORDS = 128
 DEEPER = 1e-6
 """Metres by which rounding may let the depth rise along a drive."""
 
+FINE, GROWTH, COARSE, PLACES = 0.02, 1.1, 0.25, 400
+"""Circumradii of the first step along a motion out of zones, how much longer each next one is, the longest, and how
+many there are at most."""
+
+TURN_STEPS = 60
+"""Of a turn in place by LONGEST_TURN."""
+
+EAGER = 1.5
+"""Times the depth, several motions in a row are expected to take: a single one that leads out comes before them."""
+
+EXPANDED = 300
+"""Places that motions out of zones are sought from, at most."""
+
+EDGES = 8
+"""Of the zones' edges, along and across which straight motions lead."""
+
+SAME = 0.1
+"""Circumradii, and radians, within which two places are one."""
+
 
 def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
     """Return the states, shape (n, 3), from an invalid configuration to a valid one; None if none was found.
@@ -59,6 +89,137 @@ def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
         # All of a drive lies on the line from its end to its beginning, all of a turn in between.
         rows = _drive_out(checker, q, _drives_and_turns(checker.robot, q))
         return None if rows is None else rows[[0, -1]]
+    return _shift_out(checker, q, checker)
+
+
+def ways_out_of_zones(
+    motion: Motion, others: Motion, names: tuple[str, ...], q: FloatArray, seconds_left: Callable[[], float]
+) -> Iterator[FloatArray]:
+    """Yield ways out of keep-out zones, shape (n, 3), the shortest first: certified, and never deeper in any.
+
+    Args:
+        motion: in the world with all zones.
+        others: in the world without these.
+        names: of the zones that the robot overlaps.
+        q: where it does, shape (3,).
+        seconds_left: time to look for them.
+    """
+    checker = motion.checker
+    robot, world, reach = checker.robot, checker.world, 4.0 * checker.robot.circumradius
+    regions = [keep_outs(world)[name] for name in names]
+    boxes = np.array([region.bounding_box() for region in regions])
+    low = np.maximum(np.minimum(boxes[:, :2].min(axis=0), q[:2]) - reach, world.bounds[:2])
+    high = np.minimum(np.maximum(boxes[:, 2:].max(axis=0), q[:2]) + reach, world.bounds[2:])
+    alone = World("", (*low.tolist(), *high.tolist()), zones=tuple(KeepOutZone(region) for region in regions))
+    zones = checker.edited(alone)
+    auditor = PathAuditor(zones, rise=RISE)
+    # What keeps a clearance is in a zone as soon as it is too near.
+    grown = [r if robot.clearance == 0.0 else _grown(r, robot.clearance) for r in regions]
+    depths = [Penetration(robot, region) for region in grown]
+    longest = float(np.hypot(*(high - low)))
+
+    def depth(states: FloatArray) -> FloatArray:
+        return np.array([each.at(states) for each in depths])
+
+    def certified(rows: FloatArray) -> bool:
+        path = motion.path(rows)
+        return bool(others.motions_valid(rows[:-1], rows[1:]).all()) and auditor.audit(path).free
+
+    # As far as the depth is, it is to go at least: what is not out yet waits for what is.
+    heap = [(float(depth(q[None]).max()), 0, 0.0, q[None], False)]
+    if robot.turning_radius is None and (robot.drive != "differential" or checker.footprint.is_disc):
+        straight = _shift_out(zones, q, checker)
+        if straight is not None:
+            length = float(np.hypot(*(straight[1] - q)[:2]))
+            # Nothing is shorter.
+            heap = [(length, -1, length, straight, True), (length, 0, 0.0, q[None], False)]
+    seen, count, expanded = set[tuple[int, ...]](), 1, 0
+    while heap and seconds_left() > 0.0:
+        _, _, cost, rows, out = heappop(heap)
+        here = rows[-1]
+        key = tuple(np.round(here / (SAME * np.array([robot.circumradius, robot.circumradius, 1.0]))).astype(int))
+        if key in seen:
+            continue
+        if out:
+            if certified(rows):
+                seen.add(key)
+                yield rows
+            continue
+        if expanded == EXPANDED:
+            continue
+        seen.add(key)
+        expanded += 1
+        at = depth(here[None])
+        for states, costs in _motions_out(checker, regions, here, longest):
+            last = _first(~others.checker.states_free(states))
+            found = np.hstack([at, depth(states[:last])])
+            last = _first((found[:, 1:] > np.minimum.accumulate(found, axis=1)[:, :-1] + DEEPER).any(axis=0))
+            if last == 0:
+                continue
+            free = checker.states_free(states[:last])
+            stops = {_first(free)} if free.any() else {last - 1, last // 2, last // 4}
+            if len(depths) > 1:
+                # A place just out of one of several zones is one to turn off at.
+                stops |= {_first(row == 0.0) for row in found[:, 1:]}
+            for k in stops:
+                if k < last:
+                    count += 1
+                    arc = robot.turning_radius is not None and states[k, 2] != here[2]
+                    way = states[: k + 1] if arc else states[k : k + 1]
+                    there = cost + float(costs[k])
+                    to_go = EAGER * float(found[:, k + 1].max())
+                    heappush(heap, (there + to_go, count, there, np.vstack([rows, way]), bool(free[k])))
+
+
+def _first(flags: NDArray[np.bool_]) -> int:
+    """Return the index of the first that is True; how many there are if none is."""
+    return int(np.argmax(flags)) if flags.any() else len(flags)
+
+
+def _motions_out(
+    checker: StateChecker, regions: list[Polygon], q: FloatArray, longest: float
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield the states along motions from a configuration on, shape (n, 3), and their costs, shape (n,).
+
+    Args:
+        checker: for the robot.
+        regions: of the zones to leave; who moves anywhere also tries along their edges, and across.
+        q: shape (3,).
+        longest: metres that it may be to the end of a zone.
+    """
+    robot = checker.robot
+    steps = robot.circumradius * np.minimum(FINE * GROWTH ** np.arange(PLACES), COARSE)
+    lengths = np.cumsum(steps)
+    lengths = lengths[: 1 + np.searchsorted(lengths, longest)]
+    if robot.turning_radius is not None:
+        for states in _arcs(robot, q, (1.0, -1.0)):
+            states[:, 2] = se2.wrap(states[:, 2])
+            yield states, np.arange(1, len(states) + 1) * ARC_STEP * robot.turning_radius
+    if robot.turning_radius is not None or (robot.drive == "differential" and not checker.footprint.is_disc):
+        angles = q[2] + np.array([0.0, pi] if robot.reverse else [0.0])
+    else:
+        edges = [np.diff(ring[np.r_[: len(ring), 0]], axis=0) for region in regions for ring in region.rings()]
+        along = np.arctan2(*np.concatenate(edges).T[::-1])
+        angles = np.concatenate([along[:EDGES], np.arange(4) * 0.25 * pi])
+        angles = np.unique(np.round(se2.wrap(angles[:, None] + 0.5 * pi * np.arange(4)), 9))
+    for angle in angles:
+        yield q + lengths[:, None] * np.array([np.cos(angle), np.sin(angle), 0.0]), lengths
+    if robot.drive == "differential" and not checker.footprint.is_disc:
+        turns = LONGEST_TURN / TURN_STEPS * np.arange(1, TURN_STEPS + 1)
+        for side in (1.0, -1.0):
+            states = q + side * turns[:, None] * np.array([0.0, 0.0, 1.0])
+            states[:, 2] = se2.wrap(states[:, 2])
+            yield states, se2.ROTATION_WEIGHT * turns
+
+
+def _grown(region: Polygon, clearance: float) -> Polygon:
+    """Return a region with all that is nearer to it than a clearance, metres."""
+    part = shapely.buffer(region.shapely(), clearance, quad_segs=CHORDS)
+    return Polygon(shapely.get_coordinates(part.exterior), tuple(shapely.get_coordinates(r) for r in part.interiors))
+
+
+def _shift_out(checker: StateChecker, q: FloatArray, all_: StateChecker) -> FloatArray | None:
+    """Return the shortest translation out of what blocks a checker to where another one's robot is valid, (2, 3)."""
     reach = 2.0 * checker.robot.circumradius
     while True:
         free = _free_shifts(checker, q, reach)
@@ -68,7 +229,7 @@ def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
                 break
             out = q.copy()
             out[:2] += shift
-            if checker.valid(out):
+            if all_.valid(out):
                 return np.array([q, out])
         if reach > checker.world.extent:
             return None
@@ -137,11 +298,11 @@ def _obstacles(world: World) -> Iterator[Shape]:
             )
 
 
-def _arcs(robot: Robot, q: FloatArray) -> FloatArray:
+def _arcs(robot: Robot, q: FloatArray, sides: tuple[float, ...] = (0.0, 1.0, -1.0)) -> FloatArray:
     """Return the states along each of a car's arcs from a configuration on, shape (k, n, 3)."""
     radius = robot.turning_radius or 0.0
     lengths = np.arange(1, round(LONGEST_ARC / ARC_STEP) + 1) * ARC_STEP * radius
-    arcs = [(side, way) for way in _ways(robot) for side in (0.0, 1.0, -1.0)]
+    arcs = [(side, way) for way in _ways(robot) for side in sides]
     return np.array([[drive(q[0], q[1], q[2], side, way * s, radius) for s in lengths] for side, way in arcs])
 
 

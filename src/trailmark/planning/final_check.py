@@ -5,9 +5,8 @@ It shares no code with what found the path: no clearance field, no grid of obsta
 motion is certified by conservative advancement, the interval halved until every edge is farther away than any point of
 the robot moves. Without an edge ever met, what lies outside of what at the first state does so all along.
 
-The footprint is eroded by :data:`RIM`: a valid path may overlap an obstacle by 1e-7 m where it touches, and by 5e-7 m
-within the first and last micrometre of a motion. No deeper overlap is missed, but of tips: an erosion draws a corner of
-angle 2a back by RIM / sin(a).
+The footprint is eroded by :data:`RIM`: a valid path may overlap an obstacle by 1e-7 m where it touches, and rounding is
+another here. No deeper overlap is missed, but of tips: an erosion draws a corner of angle 2a back by RIM / sin(a).
 """
 
 from __future__ import annotations

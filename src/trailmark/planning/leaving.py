@@ -1,10 +1,11 @@
 """Queries that start in keep-out zones, which the robot may leave.
 
-Its path is clear of everything else all along, of other keep-out zones too; and from some place on up to its end it is
-clear of these zones as well: it does not come back into one that it left.
+The path begins with the shortest certified way out, along which the robot is never deeper in any of these zones and
+clear of all else (:mod:`trailmark.planning.escape`). Each zone is closed once it is left; from where the robot is out
+of all, the query is planned as any other.
 
-It is planned in the world without these zones, in which a path that is allowed is one too: lower bounds and proofs that
-there is none hold. Where that path comes back, the rest is planned anew in the whole world, from where it left first.
+Lower bounds, and proofs that there is no path, are those of the world without these zones, in which a path that is
+allowed is one too.
 """
 
 from __future__ import annotations
@@ -17,29 +18,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark import se2
-from trailmark.collision import StateChecker
-from trailmark.keep_out import keep_outs
-from trailmark.motion import Motion
-from trailmark.motion.base import interpolate, new_scratch
+from trailmark.planning.escape import ways_out_of_zones
 from trailmark.planning.followed import vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.query import OnProgress
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
-from trailmark.world import World
 
-__all__ = ["leave", "zones_at"]
+__all__ = ["leave"]
 
-FIRST_SHARE = 0.5
-"""Of the time, for the path in the world without the zones; the rest of it, if it is used, needs the other half."""
+WAYS_SHARE, TRY_SHARE, REST_SHARE = 0.5, 0.2, 0.8
+"""Of the time, for the first way out; of what is left then, to find any path from where a way out ends, and for the
+best one from there, before a lower bound is proven."""
+
+WAYS = 5
+"""Ways out that are tried: beside a zone there may be no room to go on."""
 
 MIN_SECONDS = 1e-3
-"""That planning the rest has at least."""
-
-STEPS = 4.0
-"""For each inscribed radius: places along a path at which it is looked whether it has left the zones."""
+"""That planning has at least."""
 
 
 def leave(
@@ -49,18 +46,23 @@ def leave(
     goal: Any,
     time_limit: float,
     plan: Callable[..., PlanResult],
+    rest: Callable[..., PlanResult] | None = None,
     on_progress: OnProgress | None = None,
     **options: Any,
-) -> PlanResult:
-    """Return the answer to a query that starts in keep-out zones; whoever calls holds the lock of the model's roadmap.
+) -> tuple[PlanResult, int]:
+    """Return the answer to a query that starts in keep-out zones, and how many motions of its path lead out of them.
+
+    Whoever calls holds the lock of the model's roadmap.
 
     Args:
         model: of the world.
-        zones: the names of those that the start lies in (:func:`zones_at`).
+        zones: the names of those that the start lies in (:func:`trailmark.planning.world_model.zones_at`).
         start: configuration, shape (3,).
         goal: what ``plan`` takes for one; in no keep-out zone, if it is one configuration.
         time_limit: seconds, above 0.
         plan: answers a query that starts in no zone: a model, start, goal, time limit and options.
+        rest: answers the query from where the robot is out: start, goal and time limit; by ``plan`` if None, and a
+            lower bound is proven then.
         on_progress: called after every step.
         options: of ``plan``.
 
@@ -69,73 +71,55 @@ def leave(
     """
     begin, without = perf_counter(), model.without(zones)
     state = without.checker.require_valid(start, "start")
+    stop, last, out = options.get("stop"), None, state[None]
     watched = None if on_progress is None else _without_paths(on_progress)
-    found = last = plan(without, state, goal, FIRST_SHARE * time_limit, on_progress=watched, **options)
-    if found.path is None:
-        return found
-    leaving, rest = _split(without.motion, model.checker, vertices_of(without.motion, found.path))
-    if len(rest) and not model.motion.motions_valid(rest[:-1], rest[1:]).all():
-        left = max(time_limit - (perf_counter() - begin), MIN_SECONDS)
-        last = plan(model, rest[0], goal, left, on_progress=watched, **options)
-        rest = rest[:0] if last.path is None else vertices_of(model.motion, last.path)
-    if last.path is None or len(rest) == 0:
-        return replace(found, status="timeout", path=None, first_cost=None, min_clearance=None, history=(), goal=None)
-    ends = np.array([state, last.path.states[-1]])
-    incumbent = Incumbent(without.motion, ends[0], ends[1], begin)
-    incumbent.offer(np.vstack([leaving[:-1], rest]))
-    path = incumbent.path()
-    if path is not None:
-        # Clear of all but these zones, and after the first part of these too.
-        certified = without.verification.certified(path, ends)
-        if not certified or not model.verification.certified(model.motion.path(rest), rest[[0, -1]]):
+
+    def fresh(model: WorldModel, start: FloatArray, goal: Any, seconds: float, **more: Any) -> PlanResult:
+        return plan(model, start, goal, seconds, on_progress=watched, **(options | more))
+
+    def seconds_left(share: float = 1.0) -> float:
+        return -np.inf if stop is not None and stop() else begin + share * time_limit - perf_counter()
+
+    def go_on(q: FloatArray, share: float, **more: Any) -> PlanResult:
+        left = max(share * seconds_left(), MIN_SECONDS)
+        return fresh(model, q, goal, left, **more) if rest is None else rest(q, goal, left)
+
+    ways = list[FloatArray]()
+    for out in ways_out_of_zones(
+        model.motion, without.motion, zones, state, lambda: seconds_left(1.0 if ways else WAYS_SHARE)
+    ):
+        ways.append(out)
+        last = go_on(out[-1], TRY_SHARE, gap=np.inf)
+        if last.path is not None or len(ways) == WAYS or seconds_left() <= 0.0:
+            break
+    if last is not None and (last.path is None or rest is None):
+        out = out if last.path is not None else ways[0]
+        better = go_on(out[-1], REST_SHARE)
+        last = better if better.path is not None else last
+    path = None
+    if last is not None and last.path is not None:
+        ends = np.array([state, last.path.states[-1]])
+        incumbent = Incumbent(without.motion, ends[0], ends[1], begin)
+        incumbent.offer(np.vstack([out, vertices_of(model.motion, last.path)[1:]]))
+        path = incumbent.path()
+        if path is not None and not without.verification.certified(path, ends):
             path = None
-    status: Status = "timeout" if path is None else "solved"
-    answer = without.verification.result(incumbent, status, path, model.shared.roadmap, found.time["build"] or 0.0)
-    if answer.path is not None:
-        answer = replace(answer, path=model.verification.followed_by_lines(answer.path, leaves=True), goal=last.goal)
-    return replace(answer, lower_bound=found.lower_bound)
-
-
-def zones_at(checker: StateChecker, q: ArrayLike) -> tuple[str, ...]:
-    """Return the names of the keep-out zones that the robot would overlap in a configuration, shape (3,).
-
-    Raises:
-        ConfigurationError: no configuration.
-    """
-    world, state = checker.world, se2.configurations(q, name="start")
-    if state.ndim != 1 or not keep_outs(world) or checker.valid(state):
-        return ()
-    (x, y), reach = state[:2].tolist(), 4.0 * checker.robot.circumradius
-    around = x - reach, y - reach, x + reach, y + reach
-    alone = {name: World("", around, (region,)) for name, region in keep_outs(world).items()}
-    return tuple(name for name, world in alone.items() if not StateChecker(world, checker.robot).valid(state))
-
-
-def _split(motion: Motion, outside: StateChecker, vertices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the part of a path up to where the robot is first seen outside, and the rest, which begins there.
-
-    Args:
-        motion: that leads from each of the vertices to the next one.
-        outside: tells whether a configuration is out of the zones.
-        vertices: shape (n, 3).
-
-    Returns:
-        Shapes (k, 3) and (m, 3); the rest is empty if the robot is never seen outside.
-    """
-    scratch, step = new_scratch(motion.kind), outside.robot.inscribed_disc.radius / STEPS
-    for i in range(len(vertices) - 1):
-        a, b = vertices[i], vertices[i + 1]
-        cost = float(motion.costs(a, b)[0])
-        states = np.empty((int(np.ceil(cost / step)) + 1, 3))
-        for k, along in enumerate(np.linspace(0.0, cost, len(states))):
-            interpolate(motion.kind, scratch, a, b, along, states[k])
-        states[-1] = b
-        free = outside.states_free(states)
-        if free.any():
-            here = states[int(np.argmax(free))]
-            behind = vertices[i + 1 :] if not np.array_equal(here, b) else vertices[i + 2 :]
-            return np.vstack([vertices[: i + 1], here]), np.vstack([here, behind])
-    return vertices, vertices[:0]
+    if path is None or rest is None:
+        proven = fresh(without, state, goal, max(seconds_left(), MIN_SECONDS))
+    if path is None:
+        status: Status = "infeasible" if proven.status == "infeasible" else "timeout"
+        nothing = {"path": None, "first_cost": None, "min_clearance": None, "history": (), "goal": None}
+        return replace(proven, status=status, **nothing), 0
+    assert last is not None  # noqa: S101 # a path was found
+    # In a zone there is no clearance.
+    answer = without.verification.result(
+        incumbent, "solved", path, model.shared.roadmap, last.time["build"] or 0.0, min_clearance=0.0
+    )
+    assert answer.path is not None  # noqa: S101 # as above
+    whole = model.verification.followed_by_lines(answer.path, leaves=True)
+    bound = incumbent.lower_bound if rest is not None else proven.lower_bound
+    answer = replace(answer, path=whole, goal=last.goal, lower_bound=bound, world=model.checker.world)
+    return answer, len(model.motion.path(out)) - 1
 
 
 def _without_paths(on_progress: OnProgress) -> OnProgress:

@@ -41,7 +41,7 @@ def ends_of(
     if len(rows) != len(several):
         raise ConfigurationError(f"goals: expected {len(rows)}, as many as starts, got {len(several)}")
     poses = [rows[i] if i in sets else se2.configurations(several[i], name=f"goal {i}") for i in range(len(rows))]  # type: ignore[arg-type]  # an array then
-    return model.valid_ends(rows, np.array(poses)), sets
+    return model.valid_ends(rows, np.array(poses), sets), sets
 
 
 def answer_queries(
@@ -62,7 +62,7 @@ def answer_queries(
 
     Args:
         model: of the world.
-        ends: starts and goals, shape (n, 2, 3), n >= 1, valid.
+        ends: starts and goals, shape (n, 2, 3), n >= 1, valid, but that starts may lie in keep-out zones.
         sets: goals of the queries that have more than a configuration; these are planned one by one.
         begin: reading of ``time.perf_counter`` that the time is counted from.
         time_limit: seconds for each query.
@@ -84,14 +84,19 @@ def answer_queries(
         if on_progress is not None:
             on_progress(0, count)
 
+    # A start in keep-out zones, the only one that is not valid, is led out first.
+    with model.shared.lock:
+        alone = {*sets, *np.flatnonzero(~np.asarray(model.checker.valid(ends[:, 0]))).tolist()}
+    shared = [i for i in range(count) if i not in alone]
+
     later = (1.0 - model.settings.build_share) * time_limit * count
     snapshot = model.shared.snapshot(lambda: model.relaxation, lambda: seconds_left() - later, report)
-    bound = model.bound_of_all(ends[0], seconds_left()) if bounds else None
+    bound = model.bound_of_all(ends[shared[0]], seconds_left()) if bounds and shared else None
     solver = BatchSolver(snapshot, bound, model.settings, seed)
     verification, roadmap = model.verification, model.shared.roadmap
 
     def answer(i: int) -> None:
-        if i in sets or (left := seconds_left()) <= 0.0:
+        if i in alone or (left := seconds_left()) <= 0.0:
             return
         found = solver.answer(i, ends[i, 0], ends[i, 1], min(time_limit, left))
         path = found.path()

@@ -1,7 +1,7 @@
 """OneWayCheck: the part of the final check that looks at the direction of travel in one-way zones, by shapely alone.
 
-It shares no code with :mod:`trailmark.motion.one_way`. Zones are eroded by a micrometre, since a valid path may touch
-them; arcs are chords, no farther from them than half of that.
+It shares no code with :mod:`trailmark.motion.one_way`. Zones are eroded by what counts as touching, which a valid path
+may; arcs are chords, no farther from them than a tenth of that.
 """
 
 from __future__ import annotations
@@ -12,13 +12,11 @@ import numpy as np
 import shapely
 
 from trailmark import se2
+from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.se2 import FloatArray
 from trailmark.zones import OneWayZone, Zone
 
 __all__ = ["OneWayCheck"]
-
-RIM = 1e-6
-"""Metres from a zone's outline that are not looked at."""
 
 SLACK = 1e-6
 """Radians by which a direction may lie beyond the tolerance."""
@@ -38,7 +36,7 @@ class OneWayCheck:
         self._zones = []
         for i, zone in enumerate(zones):
             if isinstance(zone, OneWayZone):
-                region = shapely.buffer(zone.region.shapely(), -RIM, join_style="mitre")
+                region = shapely.buffer(zone.region.shapely(), -TOUCHING_TOLERANCE, join_style="mitre")
                 shapely.prepare(region)
                 self._zones.append((i, zone, region))
 
@@ -85,7 +83,7 @@ def _chords(start: FloatArray, length: float, curvature: float) -> tuple[FloatAr
     radius = 1.0 / curvature
     turn = length * curvature
     # The middle of a chord over an angle a is |radius| · (1 - cos(a/2)), about |radius| · a²/8, off the arc.
-    count = int(np.ceil(abs(turn) / np.sqrt(4.0 * RIM / abs(radius)))) + 1
+    count = int(np.ceil(abs(turn) / np.sqrt(0.8 * TOUCHING_TOLERANCE / abs(radius)))) + 1
     heading = start[2] + np.linspace(0.0, turn, count + 1)
     x = start[0] + radius * (np.sin(heading) - np.sin(start[2]))
     y = start[1] + radius * (np.cos(start[2]) - np.cos(heading))

@@ -15,7 +15,7 @@ from trailmark.errors import ConfigurationError
 from trailmark.goals import Ends, goals_of
 from trailmark.planning.answer import answer
 from trailmark.planning.result import PlanResult
-from trailmark.planning.world_model import WorldModel
+from trailmark.planning.world_model import WorldModel, zones_at
 
 __all__ = ["answer_in_turn", "answer_relaxed"]
 
@@ -61,6 +61,8 @@ def answer_relaxed(model: WorldModel, start: ArrayLike, goal: Ends, time_limit: 
     begin, wanted = perf_counter(), model.checker.robot.clearance
     stop = options.get("stop") or (lambda: False)
     bare = model.keeping(0.0).checker
+    if zones_at(bare, start):
+        return answer(model.keeping(0.0), start, goal, time_limit, **options)
     ends = [bare.require_valid(start, "start")]
     if goals_of(goal) is None:
         ends.append(bare.require_valid(goal, "goal"))  # type: ignore[arg-type]  # no goals: a configuration

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from trailmark.errors import ConfigurationError
 from trailmark.goals import Ends, Goal, ReachedGoal, goals_of
 from trailmark.path import Path
-from trailmark.planning.goal_search import answer_goals
+from trailmark.planning.answer import answer
 from trailmark.planning.models import WorldModels
 from trailmark.planning.replan_query import ReplanOptions, answer_replan
 from trailmark.planning.replanning import MIN_SECONDS, as_replan
@@ -60,4 +60,4 @@ def _planned(
     with model.shared.lock:
         # A first path will do, unless there is time for better ones.
         gap = 0.0 if options.improvement > 0.0 else np.inf
-        return as_replan(answer_goals(model, start, goals, seconds, gap=gap), reason)
+        return as_replan(answer(model, start, goals, seconds, gap=gap), reason)

@@ -16,13 +16,13 @@ from trailmark.path import Path
 from trailmark.planning.escape import way_out
 from trailmark.planning.followed import vertices_of
 from trailmark.planning.incumbent import Incumbent
-from trailmark.planning.leaving import leave, zones_at
+from trailmark.planning.leaving import leave
 from trailmark.planning.models import WorldModels
 from trailmark.planning.replanning import MIN_SECONDS, Replanner, ReplanOptions, as_replan
 from trailmark.planning.result import ReplanResult, Status
 from trailmark.planning.single_query import answer_query
 from trailmark.planning.space_time.replanning import SpaceTimeReplanner
-from trailmark.planning.world_model import WorldModel
+from trailmark.planning.world_model import WorldModel, zones_at
 from trailmark.se2 import FloatArray
 
 __all__ = ["ReplanOptions", "answer_replan"]
@@ -76,10 +76,14 @@ def _replanned(
         return Replanner(model, ends[0], ends[1], options).answer(path)
     if free[1] and (zones := zones_at(model.checker, ends[0])) and model.without(zones).checker.valid(ends[0]):
         seconds = max(options.deadline - perf_counter(), MIN_SECONDS)
-        left = leave(model, zones, ends[0], ends[1], seconds, answer_query)
+
+        def rest(start: FloatArray, goal: FloatArray, seconds: float) -> ReplanResult:
+            return Replanner(model, start, goal, replace(options, deadline=perf_counter() + seconds)).answer(path)
+
+        left, escape = leave(model, zones, ends[0], ends[1], seconds, answer_query, rest)
         names = " and ".join(zones)
-        reason = f"no path out of {names} was found" if left.path is None else f"the path leaves {names}"
-        return replace(as_replan(left, ""), reason=reason)
+        reason = f"no path out of {names} was found" if left.path is None else f"the path leaves {names} first"
+        return replace(as_replan(left, ""), reason=reason, escape=escape)
     for end, name in ((1, "goal"), (0, "robot")):
         if not free[end]:
             problem = f"the {name} {model.checker.fault(ends[end])}"

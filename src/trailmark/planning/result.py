@@ -156,8 +156,9 @@ class ReplanResult(PlanResult):
     Attributes:
         kept: whether the path is the rest of the one that was given.
         reason: why it was kept or replaced, or why there is none, in a few words.
-        escape: motions between the path's first states that only lead out of an obstacle that the robot stands in:
-            they are not free, and nowhere along them is it deeper in it than before. One-way zones are left aside.
+        escape: motions between the path's first states that only lead out of an obstacle, or of keep-out zones, that
+            the robot stands in: they are not free, and nowhere along them is it deeper in it than before. On the way
+            out of an obstacle one-way zones are left aside.
     """
 
     kept: bool = False

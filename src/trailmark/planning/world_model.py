@@ -4,15 +4,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
+from trailmark.keep_out import keep_outs
 from trailmark.landmarks import Relaxation
 from trailmark.motion import motion_of
 from trailmark.objective import Objective
@@ -23,10 +26,11 @@ from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shared_roadmap import SharedRoadmap
 from trailmark.planning.updating import Boxes, Update
 from trailmark.planning.verification import Verification
+from trailmark.shapes import Disc
 from trailmark.world import World
 from trailmark.zones import KeepOutZone
 
-__all__ = ["WorldModel"]
+__all__ = ["WorldModel", "zones_at"]
 
 PROOF_SHARE = 0.25
 """Of the time left: what making lower bounds ready for many queries may take of it."""
@@ -126,8 +130,11 @@ class WorldModel:
         # Says what is wrong with which.
         return np.array([self.checker.require_valid(q, name) for q, name in zip(ends, ("start", "goal"), strict=True)])
 
-    def valid_ends(self, starts: ArrayLike, goals: ArrayLike) -> se2.FloatArray:
-        """Return starts and goals, shape (n, 2, 3), all valid, or raise a ConfigurationError."""
+    def valid_ends(self, starts: ArrayLike, goals: ArrayLike, any_goal: Container[int] = ()) -> se2.FloatArray:
+        """Return starts and goals, shape (n, 2, 3), all valid, or raise a ConfigurationError.
+
+        A start in keep-out zones is valid if it is without them; the goals of ``any_goal`` are not looked at.
+        """
         rows = [np.atleast_2d(se2.configurations(q, name=name)) for q, name in ((starts, "starts"), (goals, "goals"))]
         if rows[0].shape != rows[1].shape:
             raise ConfigurationError(f"goals: expected {len(rows[0])}, as many as starts, got {len(rows[1])}")
@@ -135,7 +142,11 @@ class WorldModel:
         with self.shared.lock:
             for states, name in zip(rows, ("start", "goal"), strict=True):
                 for i in np.flatnonzero(~self.checker.valid(states)):
-                    self.checker.require_valid(states[i], f"{name} {i}")
+                    if name == "goal" and i in any_goal:
+                        continue
+                    zones = zones_at(self.checker, states[i]) if name == "start" else ()
+                    checker = self.without(zones).checker if zones else self.checker
+                    checker.require_valid(states[i], f"{name} {i}")
         return np.stack(rows, axis=1)
 
     def bound_of_all(self, ends: se2.FloatArray, seconds: float) -> AnyBound | None:
@@ -145,3 +156,21 @@ class WorldModel:
                 return None
             self.bound.of(ends[0], ends[1], seconds=PROOF_SHARE * seconds)
             return self.bound
+
+
+def zones_at(checker: StateChecker, q: ArrayLike) -> tuple[str, ...]:
+    """Return the names of the keep-out zones that the robot would overlap in a configuration, shape (3,).
+
+    Raises:
+        ConfigurationError: no configuration.
+    """
+    world, state = checker.world, se2.configurations(q, name="start")
+    if state.ndim != 1 or not keep_outs(world) or checker.valid(state):
+        return ()
+    robot, reach = checker.robot, checker.robot.clearance
+    if isinstance(robot.footprint, Disc):
+        body, reach = shapely.Point(state[:2]), reach + robot.footprint.radius
+    else:
+        body = shapely.Polygon(se2.transform(state, robot.outline.vertices))
+    # One that it only touches is left, too.
+    return tuple(name for name, region in keep_outs(world).items() if shapely.dwithin(region.shapely(), body, reach))
