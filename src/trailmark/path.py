@@ -159,8 +159,8 @@ class Path:
 
         Straight motions are joined by parabolas in x, y and heading; where a corner touches an obstacle, they swing
         around it. A car's arcs and lines are joined by clothoids, along which its curvature changes steadily. Where
-        there is no room the corner stays, and the robot stops there: ``stops`` of the result lists these places. So it
-        does wherever a differential drive turns in place.
+        there is no room the corner stays, and the robot stops there: ``stops`` of the result lists these places. A
+        differential drive goes round corners on clothoids, too; it still turns in place where it starts and ends.
 
         Args:
             world: obstacles, bounds, boundary; or a :class:`trailmark.StateChecker`, which is faster for many paths.

@@ -6,10 +6,24 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
+from benchmarks.random_worlds import random_world
 from tests.support.trajectories import assert_within_limits
-from tests.support.trials import few
+from tests.support.trials import few, trials
 
-from trailmark import ConfigurationError, CurvePath, Path, Polygon, Rectangle, Robot, StateChecker, Steering, World, se2
+from trailmark import (
+    ConfigurationError,
+    CurvePath,
+    LandmarkPlanner,
+    Path,
+    Polygon,
+    Rectangle,
+    Robot,
+    StateChecker,
+    Steering,
+    World,
+    se2,
+)
 from trailmark.benchmark.referee import Referee
 from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
@@ -153,16 +167,88 @@ def test_curvature_is_bounded() -> None:
     assert len(AROUND.smooth(WORLD, ROBOT, max_curvature=1e-3).stops) == 1
 
 
+def assert_driven_free(path: SmoothPath, world: World, robot: Robot, step: float = 0.01) -> None:
+    """By dense samples: a differential drive moves along its heading, backwards if it may, and meets nothing."""
+    pieces = path.pieces
+    piece = np.repeat(np.arange(len(pieces.length)), 40)
+    s = (pieces.length[:, None] * np.linspace(0.0, 1.0, 40)).ravel()
+    heading, (moved, _) = pieces.states(piece, s)[:, 2], pieces.derivatives(piece, s)
+    assert np.abs(moved[:, 1] * np.cos(heading) - moved[:, 0] * np.sin(heading)).max() < 1e-8
+    if not robot.reverse:
+        assert (moved[:, 0] * np.cos(heading) + moved[:, 1] * np.sin(heading)).min() > -1e-9
+    taken = shapely.union_all([obstacle.polygon().shapely() for obstacle in world.obstacles])
+    for x, y, theta in path.resample(step).states:
+        body = shapely.affinity.rotate(robot.outline.shapely(), theta, origin=(0, 0), use_radians=True)
+        body = shapely.affinity.translate(body, x, y)
+        assert shapely.intersection(body, taken).area < 1e-9
+        assert shapely.covers(shapely.box(*world.bounds).buffer(1e-7), body)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False])
-def test_a_differential_drive_goes_on_turning_in_place(reverse: bool) -> None:
+def test_a_differential_drive_rounds_corners_along_its_heading(reverse: bool) -> None:
     robot = ROBOT.differential(reverse=reverse)
-    checker = StateChecker(OPEN, robot)
-    path = motion_of(checker).path(np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 0.5], [5.1, 0.1, 0.0], [5.0, 9.0, 0.0]]))
+    checker = StateChecker(WORLD, robot)
+    # Two corners close together, one that the robot touches, and one with room.
+    knots = np.array([[1.0, 1.0, 1.0], [3.5, 3.4, 0.5], [3.6, 3.45, 0.0], [6.5, 3.55, 0.0], [6.6, 9.0, 2.0]])
+    path = motion_of(checker).path(knots)
     smooth = path.smooth(checker)
-    np.testing.assert_allclose(smooth.states, path.states, atol=1e-12)
-    # Two turns to the same side, one after the other, are one.
-    assert len(smooth.stops) >= 6
-    assert_within_limits(smooth.timed(1.0, 1.0, 1.0, 1.0))
+    assert_correct(smooth, WORLD, robot, path)
+    assert_driven_free(smooth, WORLD, robot)
+    # It turns in place where it starts and where it ends.
+    np.testing.assert_allclose(smooth.stops[:, :2], [[1.0, 1.0], [6.6, 9.0]])
+    assert smooth.cost == pytest.approx(smooth.length + 0.5 * smooth.rotation)
+    trajectory = smooth.timed(1.0, 0.5, 1.0, 1.0)
+    assert_within_limits(trajectory)
+    assert trajectory.duration < 0.75 * path.timed(1.0, 0.5, 1.0, 1.0).duration
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", trials(12, of=3))
+def test_differential_drives_among_random_obstacles_keep_off_them(seed: int) -> None:
+    outline = [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.0), (0.0, 0.0), (0.0, 0.3), (-0.4, 0.3)]
+    robot = (Robot.rectangle(0.9, 0.4), Robot.polygon(outline))[seed % 2].differential(reverse=seed % 3 > 0)
+    world = random_world(seed, 20, size=12.0, radii=(0.3, 1.3), discs=0.0, holes=0.2)
+    checker, rng = StateChecker(world, robot), np.random.default_rng(seed)
+    q = np.column_stack([rng.uniform(0.0, 12.0, (200, 2)), rng.uniform(-np.pi, np.pi, 200)])
+    start, goal = q[checker.valid(q)][:2]
+    path = LandmarkPlanner(world, robot, seed=0).plan(start, goal, time_limit=0.1).path
+    if path is None:
+        return
+    smooth = path.smooth(checker)
+    assert_correct(smooth, world, robot, path)
+    assert_driven_free(smooth, world, robot)
+
+
+@pytest.mark.parametrize("width", [0.45, 3.0])
+def test_a_differential_drive_stops_where_no_corner_can_be_rounded(width: float) -> None:
+    inside, outside = Rectangle((-3.0 - 0.5 * width, 3.0 + 0.5 * width), 6.0, 6.0), 3.0 + 0.5 * width
+    walls = (Rectangle((0.0, -outside), 20.0, 6.0), Rectangle((outside, 0.0), 6.0, 20.0))
+    world = World("corner", (-6.0, -6.0, 6.0, 6.0), (inside, *walls))
+    robot = Robot.disc(0.2).differential(reverse=False)
+    path = path_of((-5.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2), (0.0, 5.0, np.pi / 2))
+    smooth = path.smooth(world, robot)
+    assert_correct(smooth, world, robot, path)
+    assert smooth.length <= 10.0
+    assert len(smooth.stops) == 0
+    tight = path.smooth(world, robot, max_curvature=1e-3)
+    np.testing.assert_allclose(tight.states[[0, 1, -1]], path.states[[0, 1, -1]], atol=1e-12)
+    assert len(tight.stops) == 2
+
+
+def test_a_differential_drive_stops_to_reverse_and_turns_in_place_the_way_that_was_planned() -> None:
+    robot = ROBOT.differential(reverse=True)
+    # There, aside and back, backwards; then by 4 rad.
+    path = path_of(
+        (0, 0, 0), (5, 0, 0), (5, 0, 0.3), (0, -1.5466812, 0.3), (0, -1.5466812, 2.0), (0, -1.5466812, -1.98)
+    )
+    smooth = path.smooth(OPEN, robot)
+    np.testing.assert_allclose(smooth.stops[:, :2], [[5.0, 0.0], [5.0, 0.0], [0.0, -1.5466812]], atol=1e-6)
+    assert smooth.rotation == pytest.approx(path.rotation)
+    assert smooth.length == pytest.approx(path.length)
+    only = path_of((0, 0, 0), (0, 0, 2), (0, 0, 4 - 2 * np.pi)).smooth(OPEN, robot)
+    assert only.rotation == pytest.approx(4.0)
+    assert only.length == 0.0
 
 
 def test_directions_of_one_way_zones_are_kept() -> None:

@@ -72,8 +72,9 @@ class BatchSolver:
 
         best = shortened(first if shortest is None else shortest, settings.first_batch_sweeps)
         answer.offer(best)
-        if self.bound is not None and self.bound.seconds(start, goal, answer.whole_cost) < seconds_left():
-            answer.claim(self.bound.of(start, goal, answer.whole_cost, 0.5 * seconds_left()).cost)
+        left = seconds_left()
+        if self.bound is not None and self.bound.seconds(start, goal, answer.whole_cost) < left:
+            answer.claim(self.bound.of(start, goal, answer.whole_cost, 0.5 * left, left).cost)
         other, closed = best, np.empty((0, 3))
         for _ in range(settings.other_paths):
             if answer.whole_cost <= (1.0 + settings.close_to_optimal) * answer.lower_bound or seconds_left() < 0.0:

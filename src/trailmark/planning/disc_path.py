@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from trailmark.motion import TranslationMotion
+from trailmark.planning.proofs.bound import CUTTING, region_work
 from trailmark.planning.proofs.mesh import triangulated
 from trailmark.planning.proofs.polyanya import shortest_point_path
 from trailmark.planning.proofs.prover import Prover
@@ -21,9 +22,6 @@ __all__ = ["disc_path", "shortest_disc_path"]
 
 SPARE = 3e-3
 """Share of its radius by which the disc is made larger: a motion along contact itself would take forever to certify."""
-
-CUTTING = 8.0
-"""Times as long as making a region it takes to cut it into triangles; less in small ones."""
 
 
 def shortest_disc_path(query: Query, proofs: Prover) -> bool:
@@ -68,18 +66,18 @@ def disc_path(
         start: its centre, shape (2,).
         goal: its centre, shape (2,).
         most: metres; longer ways are of no interest. The fewer obstacles lie near them, the sooner it is done.
-        seconds_left: asked whether to go on once it is known how fast this machine is at the moment.
+        seconds_left: until when it is to be done, or none is found; asked for what may take long, too.
     """
-    begin = perf_counter()
+    by = perf_counter() + seconds_left()
     within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
     try:
-        region = free_region(world, (1.0 + SPARE) * radius, within, inner=True)
-    except shapely.errors.GEOSException:
-        return np.empty((0, 2))
-    if CUTTING * (perf_counter() - begin) > seconds_left():
+        region = free_region(world, (1.0 + SPARE) * radius, within, inner=True, by=by)
+    except (shapely.errors.GEOSException, TimeoutError):
         return np.empty((0, 2))
     for part in shapely.get_parts(region):
         if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
+            if CUTTING.seconds(region_work(int(shapely.get_num_coordinates(part)))) > seconds_left():
+                break
             mesh = triangulated(part)
             length, path = (np.inf, np.empty((0, 2))) if mesh is None else shortest_point_path(mesh, start, goal)
             return path if np.isfinite(length) else np.empty((0, 2))

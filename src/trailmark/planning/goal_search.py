@@ -237,10 +237,11 @@ class GoalSearch:
         if self._proven[i] or bound is None or goal.configuration is None:
             return
         pose, most = np.array(goal.configuration), self.best.cost - goal.cost
-        seconds = PROOF_SHARE * self.clock.seconds_left()
+        left = self.clock.seconds_left()
+        seconds = PROOF_SHARE * left
         if bound.seconds(self.start, pose, most) < seconds:
             self._proven[i] = True
-            found = bound.of(self.start, pose, most, seconds).cost
+            found = bound.of(self.start, pose, most, seconds, left).cost
             self.best.bounds[i] = max(self.best.bounds[i], found + goal.cost)
 
     def _plan(self, k: int, seconds: float = np.inf, *, known: FloatArray | None = None, gap: float = np.inf) -> None:

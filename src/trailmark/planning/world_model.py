@@ -154,7 +154,7 @@ class WorldModel:
         with self.shared.lock:
             if self.bound.seconds(*ends) > PROOF_SHARE * seconds:
                 return None
-            self.bound.of(ends[0], ends[1], seconds=PROOF_SHARE * seconds)
+            self.bound.of(ends[0], ends[1], seconds=PROOF_SHARE * seconds, left=seconds)
             return self.bound
 
 

@@ -4,31 +4,36 @@ A corner is replaced by the parabola that leaves one motion and joins the next a
 y and heading all change without a jump. Shortest paths turn where they touch obstacles, where the inside of the corner
 is blocked: there the corner is moved outwards first, so that the parabola passes beside where the corner was. Each
 corner is tried with smaller and smaller parabolas, cut or swung outwards, until all pieces are certified; what remains
-is the corner itself, at which the robot stops.
+is the corner itself, at which the robot stops. A differential drive goes round a corner on two clothoids, which meet in
+its middle, along its heading; where it turns in place it stops.
 """
 
 # Tested by tests/trajectories/test_smooth.py.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
+from trailmark.motion.differential import ALIGNED
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
 from trailmark.trajectories.certificate import certified
 from trailmark.trajectories.one_way import one_way_respected
-from trailmark.trajectories.pieces import Pieces, joined, straight
+from trailmark.trajectories.pieces import STANDING, Pieces, joined, straight
 
 __all__ = ["rounded"]
 
 SIZES = 0.5 ** np.arange(8)
-"""Of parabolas, as shares of half of the shorter motion beside the corner, largest first."""
+"""Where a corner's curve begins and ends, as shares of half of the shorter motion beside it, largest first."""
 
 SWINGS = (-1.0, 0.1, 0.5, 1.5)
-"""How far outside of the corner a parabola passes, in the distance by which it would cut it; -1: it cuts it."""
+"""How far outside of the corner the curve passes, in the distance by which it would cut it; -1: it cuts it."""
 
 ROUNDING = 1e-12
 """Share of a motion below which nothing of it is left between two parabolas."""
@@ -38,6 +43,27 @@ ROUNDS = 4
 
 REVERSAL = -0.98
 """Cosine of the angle between two motions from which on there is a stop, not a hairpin."""
+
+STRAIGHT = 1e-6
+"""Radians by which a corner turns below which it is rounded as if it did not: formulas divide by its sine."""
+
+
+class _Cut(NamedTuple):
+    """Pieces with n corners rounded.
+
+    Attributes:
+        pieces: k, those of length 0 among them.
+        missing: (n, 3), from where each corner's curve passes to the corner.
+        corners: (k, 2) or (k, 3), the corners that make a piece what it is; n for none.
+    """
+
+    pieces: Pieces
+    missing: FloatArray
+    corners: NDArray[np.intp]
+
+
+Cutter = Callable[[FloatArray, FloatArray], _Cut]
+"""Takes corners (n + 2, 3), ends included, and how far from each (n,) its curve begins and ends, metres."""
 
 
 def rounded(checker: StateChecker, path: Path, max_curvature: float) -> Pieces:
@@ -52,13 +78,23 @@ def rounded(checker: StateChecker, path: Path, max_curvature: float) -> Pieces:
         max_curvature: of the reference point's way, 1/m.
     """
     corners = _corners(checker, path)
+    moves = np.diff(corners, axis=0)
+    moving = np.hypot(*moves[:, :2].T) > STANDING * np.abs(moves[:, 2])
+    drives = _Drives.of(corners, moving) if checker.robot.drive == "differential" and moving.any() else None
+    if drives is None:
+        may = moving[:-1] & moving[1:]
+    else:
+        corners, may = drives.corners, drives.sign[:-1] == drives.sign[1:]
     if len(corners) < 3:
-        return straight(corners[:-1], np.diff(corners, axis=0))
-    groups = _groups(corners, checker.robot.circumradius)
+        pieces = straight(corners[:-1], moves) if drives is None else drives.cut(corners, np.zeros(0)).pieces
+        return pieces.take(pieces.length > 0.0)
+    groups = _groups(corners, checker.robot.circumradius, may)
     known: dict[bytes, bool] = {}
     while True:
         merged = np.array([corners[0], *(corners[group].mean(axis=0) for group in groups), corners[-1]])
-        pieces, stops = _rounded(checker, merged, max_curvature, known)
+        cut = _parabolas if drives is None else drives.at([0, *(group[-1] for group in groups), len(corners) - 1]).cut
+        ahead = np.array([may[group - 1].all() for group in groups])
+        pieces, stops = _rounded(checker, merged, ahead, cut, max_curvature, known)
         if not any(stop and len(group) > 1 for group, stop in zip(groups, stops, strict=True)):
             return pieces
         groups = [
@@ -68,15 +104,18 @@ def rounded(checker: StateChecker, path: Path, max_curvature: float) -> Pieces:
         ]
 
 
-def _groups(corners: FloatArray, reach: float) -> list[NDArray[np.intp]]:
-    """Return the corners, ends left out, in groups no longer than ``reach`` metres from first to last."""
+def _groups(corners: FloatArray, reach: float, may: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Return the corners, ends left out, in groups no longer than ``reach`` metres from first to last.
+
+    Those that may not be rounded (n,) are groups of their own.
+    """
     moves = np.diff(corners, axis=0)
     length = np.hypot(*moves[:, :2].T)
     groups, along = [[1]], 0.0
     for i in range(2, len(corners) - 1):
         along += length[i - 1]
         # Turns in place stay.
-        if along <= reach and length[i - 1] > reach * abs(moves[i - 1, 2]):
+        if may[i - 2 : i].all() and along <= reach and length[i - 1] > reach * abs(moves[i - 1, 2]):
             groups[-1].append(i)
         else:
             groups.append([i])
@@ -85,29 +124,30 @@ def _groups(corners: FloatArray, reach: float) -> list[NDArray[np.intp]]:
 
 
 def _rounded(
-    checker: StateChecker, corners: FloatArray, max_curvature: float, known: dict[bytes, bool]
+    checker: StateChecker,
+    corners: FloatArray,
+    may: NDArray[np.bool_],
+    cutter: Cutter,
+    max_curvature: float,
+    known: dict[bytes, bool],
 ) -> tuple[Pieces, NDArray[np.bool_]]:
-    """Return the pieces with corners, shape (n + 2, 3), rounded, and at which of the n the robot stops.
+    """Return the pieces with corners, shape (n + 2, 3), rounded where they may be, and at which of n the robot stops.
 
     Where it does not stop, and between two stops that are the path's own corners, the pieces are certified.
     """
     _, first, _, length, _ = straight(corners[:-1], np.diff(corners, axis=0), keep=True)
-    moving = np.hypot(*first[:, :2].T) > 0.5
-    may = moving[:-1] & moving[1:] & ((first[:-1, :2] * first[1:, :2]).sum(axis=1) > REVERSAL)
+    may = may & ((first[:-1, :2] * first[1:, :2]).sum(axis=1) > REVERSAL)
     room = 0.5 * np.minimum(length[:-1], length[1:])
     levels = len(SIZES) * len(SWINGS)
     level = np.where(may, 0, levels)
     while True:
         size = np.where(level < levels, SIZES[np.minimum(level // len(SWINGS), len(SIZES) - 1)] * room, 0.0)
         swing = np.where(level < levels, np.array(SWINGS)[level % len(SWINGS)], -1.0)
-        moved = _moved(corners, size, swing)
-        pieces = _cut(moved, size)
+        pieces, _, causes = cutter(_moved(corners, size, swing, cutter), size)
         free = _free(checker, pieces, known) & (pieces.curvature() <= max_curvature)
-        # Straight motions are the even pieces; parabolas, of length 0 where there is a stop, stand between them.
-        failed = ~free[1::2]
-        beside = ~free[0::2]
-        failed |= beside[:-1] | beside[1:]
-        failed &= level < levels
+        failed = np.zeros(len(level) + 1, np.bool_)
+        failed[causes[~free]] = True
+        failed = failed[:-1] & (level < levels)
         if not failed.any():
             return pieces.take(pieces.length > 0.0), level == levels
         level = np.where(failed, level + 1, level)
@@ -129,13 +169,11 @@ def _corners(checker: StateChecker, path: Path) -> FloatArray:
     return fewer if checker.motions_valid(fewer[:-1], fewer[1:]).all() else states
 
 
-def _moved(corners: FloatArray, size: FloatArray, swing: FloatArray) -> FloatArray:
-    """Return the corners, shape (n + 2, 3), moved so that parabolas of the sizes (n,) pass where they should."""
+def _moved(corners: FloatArray, size: FloatArray, swing: FloatArray, cutter: Cutter) -> FloatArray:
+    """Return the corners, shape (n + 2, 3), moved so that curves of the sizes (n,) pass where they should."""
     moved = corners.copy()
     for number in range(ROUNDS):
-        pieces = _cut(moved, size)
-        first, cut = pieces.first[0::2], 0.5 * pieces.length[1::2, None]
-        missing = 0.25 * cut * (first[:-1] - first[1:])
+        missing = cutter(moved, size).missing
         if number == 0:
             wanted = corners[1:-1] + swing[:, None] * missing
         swung = swing >= 0.0
@@ -143,7 +181,7 @@ def _moved(corners: FloatArray, size: FloatArray, swing: FloatArray) -> FloatArr
     return moved
 
 
-def _cut(moved: FloatArray, size: FloatArray) -> Pieces:
+def _parabolas(moved: FloatArray, size: FloatArray) -> _Cut:
     """Return straight motions and, between them, the parabolas of the sizes (n,) at moved corners (n + 2, 3)."""
     lines = straight(moved[:-1], np.diff(moved, axis=0), keep=True)
     size = np.minimum(size, 0.5 * np.minimum(lines.length[:-1], lines.length[1:]))
@@ -158,7 +196,107 @@ def _cut(moved: FloatArray, size: FloatArray) -> Pieces:
     length[1::2] = 2.0 * size
     round_ = size > 0.0
     second[1::2][round_] = (np.diff(lines.first, axis=0)[round_]) / length[1::2][round_, None]
-    return Pieces(start, first, second, length, np.zeros(2 * n - 1, np.int8))
+    pieces = Pieces(start, first, second, length, np.zeros(2 * n - 1, np.int8))
+    own = np.concatenate([[n - 1], np.arange(n - 1), [n - 1]])
+    causes = np.empty((2 * n - 1, 2), np.intp)
+    causes[0::2], causes[1::2] = np.column_stack([own[:-1], own[1:]]), own[1:-1, None]
+    return _Cut(pieces, 0.25 * size[:, None] * (lines.first[:-1] - lines.first[1:]), causes)
+
+
+class _Drives(NamedTuple):
+    """What a differential drive does along a path, of which the drives' ends may be moved.
+
+    Attributes:
+        corners: (m + 1, 3), where m drives begin and end: metres, and 0 for the heading.
+        sign: (m,), 1 ahead, -1 backwards.
+        before: (m + 1,), heading with which the robot comes to each, radians, not wrapped.
+        turn: (m + 1,), by which it turns there in place, radians.
+    """
+
+    corners: FloatArray
+    sign: FloatArray
+    before: FloatArray
+    turn: FloatArray
+
+    @classmethod
+    def of(cls, states: FloatArray, moving: NDArray[np.bool_]) -> _Drives:
+        """Return the drives among states, shape (n, 3), headings not wrapped, of which motions (n - 1,) are some."""
+        moves, drive = np.diff(states, axis=0), np.flatnonzero(moving)
+        leave = np.append(drive, len(states) - 1)
+        heading, before = states[drive, 2], states[np.append(0, drive + 1), 2]
+        ahead = moves[drive, 0] * np.cos(heading) + moves[drive, 1] * np.sin(heading)
+        turn = states[leave, 2] - before
+        # After whole turns each heading there is known to be free.
+        turn = np.where(np.abs(turn) > 2.0 * np.pi, se2.wrap(turn), turn)
+        return cls(states[leave] * [1.0, 1.0, 0.0], np.sign(ahead), before, turn)
+
+    def at(self, places: list[int]) -> _Drives:
+        """Return the drives between some of the corners, the ends among them."""
+        return _Drives(self.corners[places], self.sign[places[:-1]], self.before[places], self.turn[places])
+
+    def cut(self, moved: FloatArray, size: FloatArray) -> _Cut:
+        """Return the pieces with clothoids of the sizes (n,) at moved corners (n + 2, 3), turns in place elsewhere.
+
+        At each corner, the ends among them, are two: halves of the turn, or clothoids. The drives follow.
+        """
+        n, m = len(size), len(self.sign)
+        way = np.diff(moved[:, :2], axis=0)
+        length = np.hypot(*way.T)
+        along = way / np.where(length > 0.0, length, 1.0)[:, None]
+        size = np.minimum(size, 0.5 * np.minimum(length[:-1], length[1:]))
+        # By how much each drive is turned from what it was, seen from either end: merged corners leave some out.
+        heading = np.arctan2(way[:, 1], way[:, 0]) + np.where(self.sign < 0.0, np.pi, 0.0)
+        leave, come = self.before + self.turn, self.before.copy()
+        off = np.stack([se2.wrap(heading - leave[:-1]), se2.wrap(heading - come[1:])])
+        off[np.abs(off) <= ALIGNED] = 0.0
+        leave[:-1] += off[0]
+        come[1:] += off[1]
+        turn = np.where(np.abs(leave - come) > ALIGNED, leave - come, 0.0)
+        places = np.column_stack([moved[:, :2], come]).repeat(2, axis=0)
+        places[1::2, 2] += 0.5 * turn
+        halves = np.column_stack([np.zeros((m + 1, 2)), 0.5 * turn]).repeat(2, axis=0)
+        curves = straight(places, halves, keep=True)
+        ends = np.concatenate([[0.0], size, [0.0]])
+        left = length - ends[:-1] - ends[1:]
+        left[left <= ROUNDING * length] = 0.0
+        lines = straight(
+            np.column_stack([moved[:-1, :2] + ends[:-1, None] * along, leave[:-1]]), np.zeros((m, 3)), keep=True
+        )
+        lines.first[:, :2], lines.length[:] = along, left
+
+        # A clothoid of length 1, which turns by half of the corner, ends at x, y.
+        bent = np.asarray(se2.wrap(np.diff(np.arctan2(way[:, 1], way[:, 0]))))
+        unit = straight(np.zeros((n, 3)), np.zeros((n, 3)), keep=True)._replace(
+            second=np.column_stack([np.zeros((n, 2)), np.abs(bent)]), length=np.ones(n), direction=np.ones(n, np.int8)
+        )
+        x, y, _ = unit.ends().T
+        clothoid = size / (x + y * np.tan(0.5 * np.abs(bent)))
+        sine = np.sin(np.abs(bent))
+        share = np.where(sine > STRAIGHT, y / np.where(sine > STRAIGHT, sine, 1.0), 1.0 / 6.0)
+        missing = np.zeros((n, 3))
+        missing[:, :2] = (clothoid * share)[:, None] * (along[:-1] - along[1:])
+        bends = np.flatnonzero(size > 0.0)
+        first, second = 2 * (bends + 1), 2 * (bends + 1) + 1
+        rate = bent[bends] / clothoid[bends]
+        curves.start[first, :2] = moved[bends + 1, :2] - size[bends, None] * along[bends]
+        curves.start[first, 2] = come[bends + 1]
+        curves.first[first], curves.first[second] = 0.0, np.column_stack([np.zeros((len(bends), 2)), rate])
+        curves.first[first, :2] = along[bends]
+        curves.second[first, 2], curves.second[second, 2] = rate / clothoid[bends], -rate / clothoid[bends]
+        curves.length[first] = curves.length[second] = clothoid[bends]
+        curves.direction[first] = curves.direction[second] = self.sign[bends]
+        curves.start[second] = curves.take(first).ends()
+
+        own = np.concatenate([[n], np.arange(n), [n]])
+        padded = np.concatenate([[n], own, [n]])
+        # How much is turned in place depends on the drives on both sides, and so on the corners at their other ends.
+        causes = np.column_stack([padded[:-2], own, padded[2:]]).repeat(2, axis=0)
+        causes[first] = causes[second] = own[bends + 1, None]
+        causes = np.concatenate([causes, np.column_stack([own[:-1], own[1:], own[1:]])])
+        pieces = Pieces(*map(np.concatenate, zip(curves, lines, strict=True)))
+        at = np.arange(m)
+        order = np.append(np.column_stack([2 * at, 2 * at + 1, 2 * m + 2 + at]).ravel(), [2 * m, 2 * m + 1])
+        return _Cut(pieces.take(order), missing, causes[order])
 
 
 def _free(checker: StateChecker, pieces: Pieces, known: dict[bytes, bool]) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from trailmark.path import Path, fractions
 from trailmark.se2 import FloatArray
 from trailmark.trajectories.certificate import certified, dense_places, row_counts
 from trailmark.trajectories.one_way import one_way_respected
-from trailmark.trajectories.pieces import Pieces, joined, pieces_of
+from trailmark.trajectories.pieces import Pieces, joined
 from trailmark.trajectories.rounding import rounded
 from trailmark.trajectories.transitions import with_transitions
 
@@ -78,7 +78,7 @@ class SmoothPath(Path):
     @property
     def cost(self) -> float:
         """Length + 0.5·rotation, in metres; of a car's path the length alone."""
-        return self.length if self.pieces.direction.any() else super().cost
+        return self.length if self.pieces.direction.all() else super().cost
 
     @cached_property
     def stops(self) -> FloatArray:
@@ -162,11 +162,8 @@ def smoothed(path: Path, checker: StateChecker, max_curvature: float) -> SmoothP
         raise ConfigurationError(f"smooth: expected a path that is certified free of collision; {where} is not")
     if isinstance(path, CurvePath):
         pieces = with_transitions(checker, path)
-    elif checker.robot.drive == "differential":
-        # A parabola would move it sideways: it goes on turning in place, at rest.
-        pieces = pieces_of(path)
     else:
-        pieces = rounded(checker, path, max_curvature)
+        pieces = rounded(checker, motion.path(path.states), max_curvature)
     rows = row_counts(pieces, checker.footprint.sweep_radius)
     near = (rows > 1) & ~(certified(checker, pieces) & one_way_respected(pieces, checker.world.zones))
     return SmoothPath(path.states[0], path.states[-1], pieces, np.where(near, FINER * rows, rows))

@@ -104,7 +104,7 @@ class Staged:
     def seconds_for_region(self) -> float:
         return 0.0 if self.begun else 0.2
 
-    def make_region(self) -> None:
+    def make_region(self, _left: float) -> None:
         self.begun = True
 
     def known(self, *_query: object) -> float:

@@ -17,8 +17,9 @@ from trailmark.library import find_world
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs.grown import pieces_of
 from trailmark.planning.proofs.region import free_region
-from trailmark.shapes import Disc, Rectangle
+from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
 
@@ -109,3 +110,51 @@ def test_what_the_disc_cannot_reach_is_proven() -> None:
     ends = np.array([2.0, 5.0, 0.0]), np.array([18.0, 5.0, 0.0])
     assert LowerBound(slit, Robot.disc(0.5)).of(*ends).cost == pytest.approx(16.0, abs=1e-4)
     assert LowerBound(slit, Robot.disc(0.5 + 1e-5)).of(*ends).cost == np.inf
+
+
+def ragged_outline(corners: int, seed: int = 0) -> shapely.Polygon:
+    """Return a polygon about (5, 5) with that many corners, which leaves bays and holes between them."""
+    rng = np.random.default_rng(seed)
+    angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    radius = 3.5 + rng.uniform(-0.4, 0.4, corners)
+    outline = shapely.Polygon(np.column_stack([5.0 + radius * np.cos(angle), 5.0 + radius * np.sin(angle)]))
+    return outline.difference(shapely.unary_union([shapely.Point(x, y).buffer(0.3) for x in (4, 5, 6) for y in (4, 6)]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", trials(8, of=2))
+@pytest.mark.parametrize("radius", [0.02, 0.15])
+@pytest.mark.parametrize("inner", [False, True])
+def test_an_outline_of_many_corners_grows_as_one(seed: int, radius: float, inner: bool) -> None:
+    outline = ragged_outline(600, seed)
+    assert len(pieces_of(np.array([outline]))) > 8
+    vertices, *holes = [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(outline)]
+    world = World("ragged", (0.0, 0.0, 10.0, 10.0), (Polygon(vertices, holes),))
+    origin = np.array([5.0, 5.0])
+    part = shapely.box(-3.0, -5.0, 2.0, 4.0)
+    for within in (None, part):
+        region = free_region(world, radius, within, origin=origin, inner=inner)
+        centres = np.random.default_rng(seed).uniform(-5.0, 5.0, (4000, 2))
+        centres = centres[shapely.contains_xy(within or shapely.box(-4.5, -4.5, 4.5, 4.5), centres)]
+        inside = shapely.intersects_xy(region, centres)
+        clear = np.minimum(
+            shapely.distance(shapely.points(centres + origin), outline), 5.0 - np.abs(centres).max(axis=1)
+        )
+        # Chords lie within 0.5 % of the radius of the circle, on the side that does no harm.
+        if inner:
+            assert (clear[inside] >= radius).all()
+            assert inside[clear > 1.012 * radius].all()
+        else:
+            assert inside[clear >= radius].all()
+            assert (clear[inside] >= 0.994 * radius - 1e-5).all()
+
+
+def test_a_region_that_would_take_too_long_is_given_up() -> None:
+    outline = ragged_outline(2000)
+    vertices = shapely.get_coordinates(outline.exterior)[:-1]
+    world, start, goal = World("ragged", (0.0, 0.0, 10.0, 10.0), (Polygon(vertices),)), (0.5, 0.5, 0), (9.5, 9.5, 0)
+    bound, ends = LowerBound(world, Robot.disc(0.2)), (np.array(start, float), np.array(goal, float))
+    assert bound.of(*ends, left=0.0).cost == pytest.approx(np.hypot(9.0, 9.0))
+    bound.make_region(0.0)
+    assert bound.seconds_for_region() > 0.0
+    assert bound.of(*ends).cost > np.hypot(9.0, 9.0) + 1.0

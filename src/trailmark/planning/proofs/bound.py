@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cached_property
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -23,7 +24,7 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
-__all__ = ["Bound", "LowerBound"]
+__all__ = ["CUTTING", "Bound", "LowerBound", "region_work"]
 
 ROUNDING = 1e-9
 """Relative error that lengths may have; taken off."""
@@ -52,6 +53,9 @@ ASKING = Pace(0.003)
 NEARNESS = 0.25
 """Corners that take as long as telling whether an obstacle lies near a query."""
 
+LAST = 0.9
+"""Share of the time left after which making a region, or cutting it, is given up."""
+
 PART = 500
 """Labels of a search along tangents between two looks at the clock."""
 
@@ -74,7 +78,7 @@ class Bound(NamedTuple):
     path: FloatArray
 
 
-def _work(vertices: float) -> float:
+def region_work(vertices: float) -> float:
     """Return how much work making a region or cutting it into triangles is, in vertices of a small one."""
     return vertices * (1.0 + vertices / MANY)
 
@@ -97,6 +101,7 @@ class LowerBound:
     def __init__(self, world: World, robot: Robot, grid: ObstacleGrid | None = None, *, large: int = LARGE) -> None:
         self.world, self.robot, self.large, self._grid = world, robot, large, grid
         self._before: tuple[LowerBound, FloatArray] | None = None
+        self._parts: Any = None
 
     def edited(self, world: World, grid: ObstacleGrid, freed: FloatArray) -> LowerBound:
         """Return what proves lower bounds in a world that differs from this one's in its obstacles.
@@ -139,7 +144,9 @@ class LowerBound:
         through = max(0.0, detour * (1.0 - ROUNDING)) / self._stretch
         return max(cost, min(before.of(start, goal).cost, through))
 
-    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf, seconds: float = np.inf) -> Bound:
+    def of(
+        self, start: FloatArray, goal: FloatArray, limit: float = np.inf, seconds: float = np.inf, left: float = np.inf
+    ) -> Bound:
         """Return the bound for a query.
 
         Args:
@@ -147,24 +154,32 @@ class LowerBound:
             goal: valid, shape (3,).
             limit: cost (metres) of a known path; in a large world only paths no longer than that are considered.
             seconds: in a grid map the search ends after that, with the bound that it has proven by then.
+            left: seconds; what would hardly end by then is given up, and the bound is the way's cost without obstacles.
         """
         asking, cut, begin = self.ready or self.tangents is not None, len(self._meshes), perf_counter()
-        found = self._found(start, goal, limit, begin + seconds)
+        found = self._found(start, goal, limit, seconds, left)
         if asking and cut == len(self._meshes):
             ASKING.note(1.0, perf_counter() - begin)
         return found
 
-    def _found(self, start: FloatArray, goal: FloatArray, limit: float, by: float) -> Bound:
+    def _found(self, start: FloatArray, goal: FloatArray, limit: float, seconds: float, left: float) -> Bound:
         """Return what :meth:`of` does."""
         straight = Bound(self._in_the_open(start, goal), np.empty((0, 2)))
         center, offset = self._center
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
         # What a path of that cost can make the disc's centre go at most; longer paths cannot cost less.
         longest = limit * self._stretch
-        if self.tangents is not None:
-            found = self._along_tangents(self.tangents, a, b, by)
-        else:
-            found = self._shortest(a, b) if self._whole(longest) else self._shortest_within(a, b, longest)
+        begin = perf_counter()
+        by = begin + LAST * left
+        try:
+            if self.tangents is not None:
+                found = self._along_tangents(self.tangents, a, b, begin + seconds)
+            elif self._whole(longest):
+                found = self._shortest(a, b, by)
+            else:
+                found = self._shortest_within(a, b, longest, by)
+        except TimeoutError:
+            found = None
         if found is None:
             return straight
         length, path = found
@@ -181,13 +196,18 @@ class LowerBound:
 
     def seconds_for_region(self) -> float:
         """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
-        begun = "_parts" in self.__dict__ or self.tangents is not None
-        return 0.0 if begun else GROWING.seconds(_work(self._size))
+        begun = self._parts is not None or self.tangents is not None
+        return 0.0 if begun else GROWING.seconds(region_work(self._size))
 
-    def make_region(self) -> None:
-        """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter."""
+    def make_region(self, left: float = np.inf) -> None:
+        """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter.
+
+        Args:
+            left: seconds; it is given up if it would hardly be made by then.
+        """
         if self.tangents is None:
-            _ = self._parts
+            with suppress(TimeoutError):
+                self._whole_region(perf_counter() + LAST * left)
 
     def _work_left(self, start: FloatArray, goal: FloatArray, limit: float) -> tuple[float, float]:
         """Return how much work making the region, and cutting it, :meth:`of` has to do, in vertices of a small one."""
@@ -197,12 +217,13 @@ class LowerBound:
         longest = limit * self._stretch
         if not self._whole(longest):
             corners = self._corners(ellipse(a, b, longest))
-            return _work(corners), _work(ROUNDED * corners)
+            return region_work(corners), region_work(ROUNDED * corners)
         if self.seconds_for_region() > 0.0:
-            return _work(self._size), _work(ROUNDED * self._size)
-        for part in self._around(self._parts, a, b):
+            return region_work(self._size), region_work(ROUNDED * self._size)
+        parts = self._whole_region()
+        for part in self._around(parts, a, b):
             if part not in self._meshes:
-                return 0.0, _work(int(shapely.get_num_coordinates(self._parts[part])))
+                return 0.0, region_work(int(shapely.get_num_coordinates(parts[part])))
             if self._meshes[part] is not None:
                 break
         return 0.0, 0.0
@@ -255,7 +276,7 @@ class LowerBound:
     @property
     def ready(self) -> bool:
         """Whether some of the region of the whole world is cut already, so that a bound there takes little."""
-        return "_parts" in self.__dict__ and bool(self._meshes)
+        return self._parts is not None and bool(self._meshes)
 
     def _along_tangents(
         self, tangents: GridTangents, a: FloatArray, b: FloatArray, by: float
@@ -269,22 +290,29 @@ class LowerBound:
             return None
         return tangents.bound(search), np.empty((0, 2))
 
-    def _shortest_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:
+    def _shortest_within(
+        self, a: FloatArray, b: FloatArray, longest: float, by: float
+    ) -> tuple[float, FloatArray] | None:
         """Return what `_shortest` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
         around = ellipse(a - self._origin, b - self._origin, longest)
-        parts = self._cut(around)
+        parts = self._cut(around, by)
         for part in self._around(parts, a, b):
-            mesh = self._proven(parts[part], (a, b), longest)
+            mesh = self._proven(parts[part], by, (a, b), longest)
             if mesh is not None:
                 found = self._in(mesh, a, b)
                 return None if found is None else (min(found[0], longest * (1.0 - ROUNDING)), found[1])
         return None
 
-    def _shortest(self, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
-        """Return the length of the disc centre's shortest path and its bends; None if that cannot be told."""
-        for part in self._around(self._parts, a, b):
+    def _shortest(self, a: FloatArray, b: FloatArray, by: float) -> tuple[float, FloatArray] | None:
+        """Return the length of the disc centre's shortest path and its bends; None if that cannot be told.
+
+        Raises:
+            TimeoutError: what is left to do would not be done when the clock says ``by``.
+        """
+        parts = self._whole_region(by)
+        for part in self._around(parts, a, b):
             if part not in self._meshes:
-                self._meshes[part] = self._proven(self._parts[part])
+                self._meshes[part] = self._proven(parts[part], by)
             mesh = self._meshes[part]
             if mesh is not None:
                 return self._in(mesh, a, b)
@@ -305,27 +333,32 @@ class LowerBound:
         size = max(float(np.abs(self.world.bounds).max()), float(np.abs(mesh.points).max()))
         return max(0.0, length * (1.0 - ROUNDING) - DIGITS * size * (len(path) + 4)), path + self._origin
 
-    def _proven(self, part: Any, ends: Ends | None = None, longest: float = np.inf) -> Mesh | None:
+    def _proven(self, part: Any, by: float, ends: Ends | None = None, longest: float = np.inf) -> Mesh | None:
         """Return a part of the region cut into triangles, None unless it is proven that none but long paths leave it.
 
         Args:
             part: polygon relative to the origin.
+            by: reading of the clock by which it is to be done, or a TimeoutError is raised.
             ends: of a query: ways longer than ``longest`` may leave it.
             longest: metres.
         """
-        begin, mesh, shut_in = perf_counter(), triangulated(part), False
+        begin, work = perf_counter(), region_work(int(shapely.get_num_coordinates(part)))
+        if begin + CUTTING.seconds(work) > by:
+            raise TimeoutError
+        mesh, shut_in = triangulated(part), False
         if mesh is not None:
             edges = mesh.points[mesh.edges] + self._origin
             shut_in = self._separation.shuts_in(edges, ends, longest * (1.0 - ROUNDING))
-        CUTTING.note(_work(int(shapely.get_num_coordinates(part))), perf_counter() - begin)
+        CUTTING.note(work, perf_counter() - begin)
         return mesh if shut_in else None
 
-    def _cut(self, within: Any = None) -> Any:
+    def _cut(self, within: Any, by: float) -> Any:
         """Return the region's parts, in a polygon or everywhere, relative to the origin, shape (n,)."""
         begin = perf_counter()
-        parts = region_parts(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin)
-        GROWING.note(_work(self._corners(within)), perf_counter() - begin)
-        return parts
+        try:
+            return region_parts(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin, by=by)
+        finally:
+            GROWING.note(region_work(self._corners(within)), perf_counter() - begin)
 
     def _around(self, parts: Any, a: FloatArray, b: FloatArray) -> list[int]:
         """Return the parts, one or two, in which the ends lie; the smaller first, which is soonest proven."""
@@ -340,9 +373,11 @@ class LowerBound:
     def _separation(self) -> Separation:
         return Separation(self.world, self.robot.inscribed_disc.radius, self._grid)
 
-    @cached_property
-    def _parts(self) -> Any:
-        return self._cut()
+    def _whole_region(self, by: float = np.inf) -> Any:
+        """Return the parts of the whole world's region, shape (n,), made once."""
+        if self._parts is None:
+            self._parts = self._cut(None, by)
+        return self._parts
 
     @cached_property
     def _meshes(self) -> dict[int, Mesh | None]:

@@ -4,19 +4,24 @@ GEOS's ``buffer`` leaves out vertices that make an outline concave by less than 
 places before anything is grown. Where an outline has such vertices, it is grown edge by edge instead: each edge's strip
 and the sector round its end lie in the sum of that edge and the disc, and so do all unions of them.
 
+The time that ``buffer`` takes grows faster than the corners of an outline: what has many is cut into pieces first,
+whose sums with the disc are together that of the whole.
+
 It also fills a hole of at most seven corners in which hardly a place (some hundredths of the distance) is farther from
 the outline. No bound is wrong by that: where neither end lies in the region, none is claimed (``LowerBound``).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-__all__ = ["QUARTER", "grown", "strips"]
+__all__ = ["QUARTER", "grown", "pieces_of", "strips"]
 
 QUARTER = 8
 """Chords for each quarter of a circle: their middles lie 0.5 % of the radius inside of it."""
@@ -24,19 +29,69 @@ QUARTER = 8
 SHALLOW = 0.011
 """Share of the distance from which on a concavity is left as it is: GEOS's own 0.01 and what rounding may add."""
 
+CORNERS = 64
+"""Of a piece at most, where a polygon can be cut at all."""
 
-def grown(polygons: NDArray[Any], r: float, quarter: int = QUARTER) -> list[Any]:
+TOGETHER = 16
+"""Pieces grown between two looks at the clock."""
+
+
+def pieces_of(
+    polygons: NDArray[Any], near: Callable[[NDArray[Any]], NDArray[np.bool_]] | None = None, by: float = np.inf
+) -> NDArray[Any]:
+    """Return polygons with those of many corners cut into pieces, shape (m,): but for rounding they hold the same.
+
+    Args:
+        polygons: with holes or without (shapely), shape (n,).
+        near: which of some polygons, shape (k,), matter; the others are left out. None for all.
+        by: reading of ``perf_counter`` at which to stop.
+
+    Raises:
+        TimeoutError: it is not done by then.
+    """
+    done: list[Any] = []
+    while len(polygons):
+        large = shapely.get_num_coordinates(polygons) > CORNERS
+        done += list(polygons[~large])
+        halves: list[Any] = []
+        for polygon in polygons[large]:
+            _look_at(by)
+            low, high = np.array(polygon.bounds).reshape(2, 2)
+            axis = int(np.argmax(high - low))
+            middle = float(np.median(shapely.get_coordinates(polygon)[:, axis]))
+            if not low[axis] < middle < high[axis]:
+                done.append(polygon)
+                continue
+            first, last = high.copy(), low.copy()
+            first[axis] = last[axis] = middle
+            boxes = shapely.box(*np.array([[*low, *first], [*last, *high]]).T)
+            halves += list(shapely.get_parts(shapely.intersection(polygon, boxes)))
+        polygons = np.array([*halves, None], dtype=object)[:-1]
+        polygons = polygons[shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON]
+        if near is not None:
+            polygons = polygons[near(polygons)]
+    return np.array([*done, None], dtype=object)[:-1]
+
+
+def grown(polygons: NDArray[Any], r: float, quarter: int = QUARTER, by: float = np.inf) -> list[Any]:
     """Return regions that together lie within ``r`` of the polygons, and hold all but what chords cut off.
 
     Args:
         polygons: with holes or without (shapely), shape (n,).
         r: metres, above 0.
         quarter: chords for each quarter of a circle, at least QUARTER.
+        by: reading of ``perf_counter`` at which to stop.
+
+    Raises:
+        TimeoutError: it is not done by then.
     """
     if len(polygons) == 0:
         return []
     shallow = _shallow(polygons, r)
-    regions = list(shapely.buffer(polygons[~shallow], r, quad_segs=quarter))
+    even, regions = polygons[~shallow], []
+    for first in range(0, len(even), TOGETHER):
+        _look_at(by)
+        regions += list(shapely.buffer(even[first : first + TOGETHER], r, quad_segs=quarter))
     if shallow.any():
         uneven = shapely.orient_polygons(polygons[shallow])
         regions += [*uneven, *strips(shapely.get_rings(uneven), r)]
@@ -75,6 +130,11 @@ def strips(rings: NDArray[Any], r: float) -> list[Any]:
         last = (a[of] + r * normal[of])[:, None]
         pieces += list(shapely.polygons(np.concatenate([a[of][:, None], b[of][:, None], arc, last], axis=1)))
     return pieces
+
+
+def _look_at(by: float) -> None:
+    if perf_counter() > by:
+        raise TimeoutError
 
 
 def _shallow(polygons: NDArray[Any], r: float) -> NDArray[np.bool_]:

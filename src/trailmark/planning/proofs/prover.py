@@ -67,13 +67,14 @@ class Prover:
         seconds = share * query.seconds_left()
         expected = self.seconds()
         if seconds <= expected and not query.solved and self.bound.seconds_for_region() < seconds:
-            self.bound.make_region()
+            self.bound.make_region(query.seconds_left())
             expected, seconds = self._seconds_left_of(self.bound), share * query.seconds_left()
         if not expected < seconds:
             incumbent.claim(self.bound.known(incumbent.start, incumbent.goal))
             return
         incumbent.bounded = True
-        incumbent.claim(self.bound.of(incumbent.start, incumbent.goal, incumbent.whole_cost, seconds).cost)
+        ends, left = (incumbent.start, incumbent.goal), query.seconds_left()
+        incumbent.claim(self.bound.of(*ends, incumbent.whole_cost, seconds, left).cost)
 
     def begin_in_background(self) -> None:
         """Begin to look for a proof, with headings, that no path exists; a disc has none."""

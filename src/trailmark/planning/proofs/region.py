@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.planning.proofs.grown import QUARTER, grown, strips
+from trailmark.planning.proofs.grown import QUARTER, grown, pieces_of, strips
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import World
 
@@ -38,6 +39,7 @@ def free_region(
     *,
     origin: FloatArray | tuple[float, float] = AT_ORIGIN,
     inner: bool = False,
+    by: float = np.inf,
 ) -> Any:
     """Return a region (shapely) that contains every position of a disc's centre at which the disc is free.
 
@@ -51,7 +53,12 @@ def free_region(
         within: a region, relative to ``origin``, outside of which obstacles do not matter and nothing is returned.
         origin: what the region's coordinates are relative to.
         inner: see above.
+        by: reading of ``perf_counter`` by which it is to be done, as far as that can be told.
+
+    Raises:
+        TimeoutError: it would not be done by then.
     """
+    begin = perf_counter()
     margin = -MARGIN if inner else MARGIN
     r = max(radius - margin, 0.0)
     xmin, ymin, xmax, ymax = np.asarray(world.bounds) - [*origin, *origin]
@@ -73,8 +80,15 @@ def free_region(
     polygons = _moved([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], origin)
     # GEOS rounds the number of a corner's chords: one may span half as much again as in a whole circle.
     quarter = QUARTER * 3 // 2 if inner else QUARTER
-    taken += list(grown(polygons, r, quarter) if r > 0.0 else polygons)
+    if r > 0.0:
+        near = None if within is None else lambda cut: _boxes_near(shapely.bounds(cut), within, r + MARGIN)
+        taken += grown(pieces_of(polygons, near, by), r, quarter, by)
+    else:
+        taken += list(polygons)
     taken += _discs(shapes, r / around - margin, around_disc, origin)
+    # What is left takes no longer than what was done so far.
+    if 2.0 * perf_counter() - begin > by:
+        raise TimeoutError
     return shapely.difference(region, shapely.union_all(taken)) if taken else region
 
 
@@ -96,9 +110,13 @@ def near_shapes(
     ]
     x, y, reach = np.array(rows).reshape(-1, 3).T
     boxes[~polygons] = np.column_stack([x - reach, y - reach, x + reach, y + reach])
+    return list(shapes[_boxes_near(boxes - [*origin, *origin], within, distance)])
+
+
+def _boxes_near(boxes: FloatArray, within: Any, distance: float) -> NDArray[np.bool_]:
+    """Return which boxes xmin, ymin, xmax, ymax, shape (n, 4), are so near (metres) to a region, shape (n,)."""
     shapely.prepare(within)
-    near = shapely.dwithin(shapely.box(*(boxes - [*origin, *origin]).T), within, distance)
-    return list(shapes[near])
+    return np.asarray(shapely.dwithin(shapely.box(*boxes.T), within, distance))
 
 
 def _moved(polygons: list[Any], origin: FloatArray | tuple[float, float]) -> NDArray[Any]:
@@ -116,10 +134,10 @@ def _discs(shapes: Sequence[Shape], r: float, around: float, origin: FloatArray 
     return [disc for disc, size in zip(discs, sizes, strict=True) if size > 0.0]
 
 
-def region_parts(world: World, radius: float, within: Any = None, *, origin: FloatArray) -> Any:
+def region_parts(world: World, radius: float, within: Any = None, *, origin: FloatArray, by: float = np.inf) -> Any:
     """Return the polygons of :func:`free_region`, shape (n,), which no path joins; none if shapely fails."""
     try:
-        parts = shapely.get_parts(free_region(world, radius, within, origin=origin))
+        parts = shapely.get_parts(free_region(world, radius, within, origin=origin, by=by))
     except shapely.errors.GEOSException:
         return np.empty(0, dtype=object)
     return parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]

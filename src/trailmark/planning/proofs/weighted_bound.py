@@ -39,9 +39,11 @@ class WeightedBound:
         """Whether a bound takes little time."""
         return self.plain.ready
 
-    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf, seconds: float = np.inf) -> Bound:
+    def of(
+        self, start: FloatArray, goal: FloatArray, limit: float = np.inf, seconds: float = np.inf, left: float = np.inf
+    ) -> Bound:
         """Return the bound for a query, given the cost of a known path."""
-        found = self.plain.of(start, goal, limit / self._factor, seconds)
+        found = self.plain.of(start, goal, limit / self._factor, seconds, left)
         if not np.isfinite(found.cost):
             return found
         return Bound(max(self._factor * found.cost, self._eikonal.of(start, goal)), found.path)
@@ -58,9 +60,9 @@ class WeightedBound:
         """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
         return self.plain.seconds_for_region()
 
-    def make_region(self) -> None:
+    def make_region(self, left: float = np.inf) -> None:
         """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter."""
-        self.plain.make_region()
+        self.plain.make_region(left)
 
 
 def lower_bound_of(
