@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,11 @@ from trailmark.errors import WorldError
 from trailmark.robot import Robot
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
-__all__ = ["ObstacleEstimate", "RiskBound"]
+__all__ = ["FRAMES", "Frame", "ObstacleEstimate", "RiskBound"]
+
+Frame = Literal["start", "map"]
+"""What the covariances of a map are relative to: where the robot stood first, or the map itself."""
+FRAMES: tuple[Frame, ...] = get_args(Frame)
 
 
 @dataclass(frozen=True, eq=False)

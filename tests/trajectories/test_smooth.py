@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from benchmarks.random_worlds import random_world
+from tests.helpers.random_worlds import random_world
 from tests.support.trajectories import assert_within_limits
 from tests.support.trials import few, trials
 

@@ -115,6 +115,15 @@ def map_log(
     start: Annotated[
         str | None, _option("--start", "X,Y,T", "Where the robot stood first; default: as the log says, or 0,0,0.")
     ] = None,
+    frame: Annotated[
+        str | None,
+        _option(
+            "--frame",
+            "NAME",
+            "What covariances of detected obstacles are relative to: start (default with --start), or map, for a robot "
+            "that localises on them.",
+        ),
+    ] = None,
     sensor_noise: Annotated[
         str | None,
         _option(
@@ -251,6 +260,7 @@ def map_log(
             association=association,
             radius=radius,
             start=start,
+            frame=frame,
             sensor_noise=sensor_noise,
             odometry_noise=odometry_noise,
             pose_noise=pose_noise,

@@ -38,6 +38,7 @@ def settings_of(**given: Any) -> MapSettings:
     s = replace(s, radius=sizes[0], radius_sigma=sizes[1] if len(sizes) > 1 else 0.0)
     if given["start"] is not None:
         s = replace(s, start=read_configuration(given["start"], "--start"))
+    s = replace(s, frame=given["frame"])
     if given["outlier_gate"] != "auto":
         word = given["outlier_gate"]
         gate = None if word == "none" else read_probability(word, "--outlier-gate", " (or none, auto)")

@@ -16,6 +16,12 @@ if TYPE_CHECKING:
 __all__ = ["plural", "print_summary"]
 
 
+_FRAMES = {
+    "start": "relative to the start: errors of where the map lies count",
+    "map": "relative to the map itself: for a robot that localises on it",
+}
+
+
 def plural(n: int, noun: str) -> str:
     """Return a count with its noun."""
     return f"{n:,} {noun}{'' if n == 1 else 's'}"
@@ -52,6 +58,7 @@ def print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Pat
         ("bounds", " ".join(f"{value:g}" for value in found["bounds"])),
         ("queries", ", ".join(found["queries"]) or "none"),
         ("risk", _risk_text(found)),
+        *((("covariances", _FRAMES[found["frame"]]),) if found["frame"] else ()),
         *(("note", note) for note in found["notes"]),
         *(("written", str(file)) for file in written),
     ]

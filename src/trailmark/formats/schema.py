@@ -293,6 +293,9 @@ class WorldFile(_Strict):
     queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
     zones: list[Annotated[ZoneEntry, Field(discriminator="kind")]] | None = Field(default=None, description=_ZONES)
     risk: RiskEntry | None = Field(default=None, description="a mapping {confidence, pose_covariance, reach}")
+    frame: Literal["start", "map"] | None = Field(
+        default=None, description="start or map (what the covariances are relative to)"
+    )
 
 
 class MapFile(BaseModel):

@@ -11,6 +11,7 @@ import pytest
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.graph.odometry import OdometryCalibration, OdometryTrack
 from trailmark.estimation.logs.records import Increment, Odometry, Record
+from trailmark.estimation.slam.ekf_slam import EkfSlam
 
 VELOCITY = Unicycle(0.02, 0.05, (0.1, 0.0, 0.0, 0.2), period=1.0)
 INCREMENT = PoseIncrement(0.01, 0.01, 0.02, (0.003, 0.004, 0.005))
@@ -66,6 +67,25 @@ def test_increments_give_the_motion_of_the_filters_steps(stated: bool) -> None:
                 P = F @ P @ F.T + W @ (INCREMENT.Q(u) if r.covariance is None else r.covariance) @ W.T
         assert found.u[i] == pytest.approx(x, abs=1e-12)
         assert P_found[i] == pytest.approx(P, abs=1e-12)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_velocities_and_increments_add_up_as_in_the_filter(stated: bool) -> None:
+    records = sorted([*velocities(3), *increments(3, stated)], key=lambda record: record.t)
+    instants = np.array([0.0, 4.0, 60.0])
+    track = OdometryTrack(records)
+    assert not track.states_noise
+    found = track.motions(instants, OdometryCalibration())
+    P_found = found.covariance(track.stated_variances(VELOCITY, INCREMENT))
+    for i in range(2):
+        slam = EkfSlam({}, velocity=VELOCITY, increment=INCREMENT)
+        own = [record for record in records if instants[i] < record.t <= instants[i + 1]]
+        before = [r for r in records if isinstance(r, Odometry) and r.t <= instants[i]]
+        held = [before[-1]._replace(t=instants[i])] if before else []
+        result = slam.run([*held, *own, Odometry(instants[i + 1], 0.0, 0.0)])
+        assert found.u[i, :2] == pytest.approx(result.trajectory[-1, 1:3], abs=1e-9)
+        assert np.cos(found.u[i, 2] - result.trajectory[-1, 3]) == pytest.approx(1.0)
+        assert P_found[i] == pytest.approx(result.covariances[-1], rel=1e-6, abs=1e-9)
 
 
 def test_calibration_turns_stated_velocities_into_driven_ones() -> None:

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record, Scan
 from trailmark.estimation.maps.map_checks import (
     detection_warnings,
     duration,
     explained_share,
+    gap_warnings,
     scan_warnings,
     top_speed,
 )
@@ -43,6 +44,22 @@ def test_durations_leave_out_what_no_clock_says() -> None:
     assert duration(np.array([0.0, 4294967296.0, 4294967301.0])) == 5.0
     assert duration(np.repeat([1.13486e9, 1.13487e9], 200)) is None
     assert duration(np.empty(0)) == 0.0
+
+
+def test_gaps_in_odometry_are_told() -> None:
+    times = [0.1 * i for i in range(100)]
+    steady: list[Record] = [Odometry(t, 0.5, 0.0) for t in times]
+    later: list[Record] = [Odometry(130.0 + t, 0.5, 0.0) for t in times]
+    assert gap_warnings(steady) == gap_warnings([]) == gap_warnings(steady[:1]) == []
+    assert gap_warnings([record._replace(t=100.0 * record.t) for record in steady]) == []
+    (gap,) = gap_warnings(steady + later)
+    assert "a gap of 120 s from 9.9 s on" in gap
+    assert "velocity" in gap
+    (end,) = gap_warnings([*steady, Detection(40.0, np.ones(2))])
+    assert "a gap of 30 s" in end
+    (two,) = gap_warnings([Increment(r.t + d, 0.1, 0.0, 0.0) for d in (0.0, 30.0, 70.0) for r in steady])
+    assert "a gap of 30 s from 39.9 s on (2 gaps in all)" in two
+    assert "velocity" not in two
 
 
 def test_warnings_say_what_is_wrong_and_what_to_try() -> None:

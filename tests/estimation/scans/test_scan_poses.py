@@ -36,6 +36,12 @@ def test_poses_by_velocities() -> None:
     assert x == pytest.approx(np.array([[2, 0, 0], [4, 1, math.pi / 2]]), abs=1e-12)
 
 
+def test_velocities_hold_until_an_increment() -> None:
+    turn = Increment(1.0, 0.0, 0.0, math.pi / 2)
+    _, x = scan_poses(log([Odometry(0.0, 1.0, 0.0), turn, bare(2.0)]), "odometry")
+    assert x == pytest.approx(np.array([[1.0, 1.0, math.pi / 2]]), abs=1e-12)
+
+
 def test_poses_of_the_scans_themselves() -> None:
     stated = [bare(1.0)._replace(pose=(1.0, 0.0, 0.0)), bare(2.0)._replace(pose=(2.0, 0.0, 0.0))]
     records: list[Record] = [stated[0], Increment(1.5, 0.5, 0.0, 0.0), stated[1]]

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -63,18 +62,10 @@ class Estimate(NamedTuple):
     precision: FloatArray
     """Of the calibration before the log, shape (c,)."""
 
-    def feature_covariance(self, noise: Sequence[FloatArray] | None = None) -> FloatArray:
-        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m).
-
-        Args:
-            noise: covariances of the whitened rows, of motions (n − 1, 3, 3), readings (r, 2, 2) and the first pose
-                (1, 3, 3), where they are others than those that the estimate weighs them by (Huber 1967, The behavior
-                of maximum likelihood estimates under nonstandard conditions); None where they are the same.
-        """
+    def feature_covariance(self) -> FloatArray:
+        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m)."""
         first = 3 * len(self.solution.poses)
         columns = first + np.arange(2 * len(self.solution.features))
-        if noise is not None:
-            return self.system.sandwich(columns, noise)
         joint = self.system.covariance(columns)
         if self.calibrated.shape[1] == 0:
             return joint

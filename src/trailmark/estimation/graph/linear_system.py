@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,22 +62,4 @@ class LinearSystem:
         unit = np.zeros((self.A.shape[1], len(columns)))
         unit[columns, np.arange(len(columns))] = 1.0
         joint = np.asarray(self._factor.solve(unit))[columns]
-        return np.asarray(0.5 * (joint + joint.T))
-
-    def sandwich(self, columns: NDArray[np.intp], noise: Sequence[FloatArray]) -> FloatArray:
-        """Return these columns' covariance, shape (k, k), if the rows' noise is not 1 but has these covariances.
-
-        Args:
-            columns: k of them.
-            noise: blocks along the rows, each of shape (n, d, d).
-        """
-        unit = np.zeros((self.A.shape[1], len(columns)))
-        unit[columns, np.arange(len(columns))] = 1.0
-        gain = np.asarray(self.A @ self._factor.solve(unit))
-        joint, row = np.zeros((len(columns), len(columns))), 0
-        for blocks in noise:
-            n, d, _ = blocks.shape
-            own = gain[row : row + n * d].reshape(n, d, -1)
-            joint += np.tensordot(own, blocks @ own, axes=([0, 1], [0, 1]))
-            row += n * d
         return np.asarray(0.5 * (joint + joint.T))

@@ -60,10 +60,11 @@ class OdometryTrack:
 
     Velocities have four sources of noise, those of :class:`trailmark.estimation.Unicycle` with a period of one second:
     σ_v², α₁, σ_ω², α₄. Increments have five, those of :class:`trailmark.estimation.PoseIncrement`: σ of place, a, σ of
-    heading, b, c; where all state their covariances, these are the two sources, place and heading.
+    heading, b, c; where all state their covariances, these are the two sources, place and heading. Sources of distances
+    come before those of headings. The motion of a log with both is what velocities and increments add up to.
 
     Args:
-        records: of the log, in the order of time; velocities or increments.
+        records: of the log, in the order of time.
     """
 
     def __init__(self, records: Sequence[Record]) -> None:
@@ -77,33 +78,37 @@ class OdometryTrack:
 
     @property
     def by_velocities(self) -> bool:
-        """Whether it consists of velocities."""
+        """Whether there are velocities in it."""
         return len(self._velocities) > 0
 
     @property
     def states_noise(self) -> bool:
-        """Whether each increment states its covariance."""
-        return self._stated is not None
+        """Whether all of it states its covariance."""
+        return self._stated is not None and not self.by_velocities
 
     def stated_variances(self, velocity: Unicycle, increment: PoseIncrement) -> FloatArray:
         """Return the variances of the sources of noise by the log, or by the settings where it states none."""
+        sources = []
         if self.by_velocities:
+            a1, *_, a4 = velocity.alpha
             period = velocity.period or 1.0
-            return period * np.array(
-                [velocity.sigma_v**2, velocity.alpha[0], velocity.sigma_omega**2, velocity.alpha[3]]
+            sources.append(
+                ([velocity.sigma_v**2 * period, a1 * period], [velocity.sigma_omega**2 * period, a4 * period])
             )
-        if self.states_noise:
-            return np.ones(2)
-        a, b, c = increment.growth
-        place = 0.5 * (increment.sigma_x**2 + increment.sigma_y**2)
-        return np.array([place, a, increment.sigma_theta**2, b, c])
+        if self._stated is not None:
+            sources.append(([1.0], [1.0]))
+        elif len(self._increments) or not self.by_velocities:
+            a, b, c = increment.growth
+            place = 0.5 * (increment.sigma_x**2 + increment.sigma_y**2)
+            sources.append(([place, a], [increment.sigma_theta**2, b, c]))
+        return np.concatenate([part for kind in zip(*sources, strict=True) for part in kind])
 
     def motions(self, instants: FloatArray, calibration: OdometryCalibration, *, covariances: bool = True) -> Motions:
         """Return what lies between instants, shape (n,) in ascending order; without covariances in half of the time."""
+        times, pieces, components = self._increment_pieces(calibration)
         if self.by_velocities:
-            times, pieces, components = self._velocity_pieces(instants, calibration, covariances)
-        else:
-            times, pieces, components = self._increment_pieces(calibration)
+            velocities = self._velocity_pieces(instants, calibration, covariances)
+            times, pieces, components = _merged(velocities, (times, pieces, components))
         # A piece belongs to the instants between which it ends.
         bounds = np.searchsorted(times, instants, side="right").astype(np.int64)
         return Motions(*_put_together(pieces, components if covariances else components[:, :0], bounds))
@@ -112,7 +117,7 @@ class OdometryTrack:
         self, instants: FloatArray, calibration: OdometryCalibration, covariances: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         t = self._velocities[:, 0] + calibration.delay
-        cuts = np.unique(np.concatenate([t, instants]))
+        cuts = np.unique(np.concatenate([t, instants, self._increments[:, 0]]))
         dt = np.diff(cuts)
         held = np.searchsorted(t, cuts[:-1], side="right") - 1
         v, omega = np.where(held >= 0, self._velocities[held, 1:].T, 0.0)
@@ -154,6 +159,22 @@ class OdometryTrack:
             weights = np.array([each, d, each, d, np.abs(turn)]).T
             components = weights[:, :, None, None] * np.array([place, place, heading, heading, heading])
         return t, np.column_stack([x, y, turn]), components
+
+
+def _merged(
+    velocities: tuple[FloatArray, FloatArray, FloatArray], increments: tuple[FloatArray, FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times, pieces and components of both kinds in one order: an increment after what ends at its time."""
+    if len(increments[0]) == 0:
+        return velocities
+    times = np.concatenate([velocities[0], increments[0]])
+    order = np.argsort(times, kind="stable")
+    n, k = len(velocities[0]), [part[2].shape[1] for part in (velocities, increments)]
+    along = [sources // 2 for sources in k]
+    components = np.zeros((len(times), sum(k), 3, 3))
+    components[:n, np.r_[: along[0], sum(along) : k[0] + along[1]]] = velocities[2]
+    components[n:, np.r_[along[0] : sum(along), k[0] + along[1] : sum(k)]] = increments[2]
+    return times[order], np.concatenate([velocities[1], increments[1]])[order], components[order]
 
 
 @njit(cache=True)

@@ -14,11 +14,9 @@ from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.batch import ROUGH, Batch
 from trailmark.estimation.graph.estimate import Estimate, IntArray
 from trailmark.estimation.graph.gauge import gauge_free
-from trailmark.estimation.graph.noise import updated_variances
 from trailmark.estimation.graph.smoother import Smoother
-from trailmark.se2 import FloatArray
 
-__all__ = ["Misfit", "Scale", "description_length", "figures", "inflation", "misfit", "scale", "shown_noise"]
+__all__ = ["Misfit", "Scale", "description_length", "figures", "inflation", "misfit", "scale"]
 
 FEW = 30.0
 """Expected squares below which no ratio is judged: that of 30 varies by a quarter."""
@@ -75,42 +73,6 @@ def misfit(batch: Batch, estimate: Estimate) -> Misfit:
         ratios[name] = float(square[rows].sum()) / expected if expected > FEW else 1.0
     times = batch.correlation_times(smoother, solution, moved, estimate.feature)
     return Misfit(ratios, dict(zip(("range", "bearing", "distance", "heading"), times, strict=True)))
-
-
-def shown_noise(batch: Batch, estimate: Estimate) -> list[FloatArray]:
-    """Return what noise the residuals show: for :meth:`Estimate.feature_covariance`."""
-    smoother, solution, noise = estimate.smoother, estimate.solution, batch.noise
-    n = len(solution.poses) - 1
-    moved, read = smoother.residuals(solution)
-    b = smoother.whitened(solution, moved[:, :, None], np.nan_to_num(read)[:, :, None])[:, 0]
-    redundancy = estimate.system.redundancy(batch.rng)
-    ranges, bearings, along, turning = batch.correlation_times(smoother, solution, moved, estimate.feature)
-    k = len(noise.motion_variances)
-    times = np.where(np.arange(k) < k // 2, along, turning), np.array([ranges, bearings])
-    covariances = []
-    for variances, components, roots, rows, size, repeated in (
-        (
-            noise.motion_variances,
-            smoother.components_at_end(batch.motions().components),
-            smoother.motion_roots,
-            slice(0, 3 * n),
-            3,
-            times[0],
-        ),
-        (
-            noise.reading_variances,
-            batch.sources[smoother.used],
-            smoother.reading_roots,
-            slice(3 * n, -3),
-            2,
-            times[1],
-        ),
-    ):
-        left, share = b[rows].reshape(-1, size), redundancy[rows].reshape(-1, size)
-        shown = updated_variances(variances, components, roots, left, share) * repeated
-        P = np.einsum("k,nkij->nij", shown, components)
-        covariances.append(roots @ P @ np.swapaxes(roots, 1, 2))
-    return [*covariances, np.eye(3)[None]]
 
 
 def description_length(batch: Batch, estimate: Estimate, feature: IntArray) -> float:

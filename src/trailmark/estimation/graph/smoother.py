@@ -19,13 +19,13 @@ from trailmark.estimation.graph.linear_system import LinearSystem
 from trailmark.estimation.graph.readings import Readings
 from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Smoother", "Solution"]
+__all__ = ["Smoother", "Solution", "moved", "turned"]
 
 FLOOR = 1e-4
 """Metres and radians: standard deviation added to each motion, since gtsam takes no noise of 0."""
 
 HELD = 1e-6
-"""Metres and radians: standard deviation of the first pose, where the map's frame is."""
+"""Metres and radians: standard deviation of the first pose, the start, which the map's frame takes for exact."""
 
 
 class Solution(NamedTuple):
@@ -59,7 +59,7 @@ class Smoother:
         self._u, self._readings, self._feature = u, readings, feature
         self._limit = float(np.sqrt(chi_square_quantile(gate, 2)))
         # A frame's covariance in gtsam is in the frame that the motion ends in.
-        self.motion_roots = _square_roots(_turned(P, -u[:, 2]) + FLOOR**2 * np.eye(3))
+        self.motion_roots = _square_roots(turned(P, -u[:, 2]) + FLOOR**2 * np.eye(3))
         self.reading_roots = _square_roots(readings.covariance[self.used])
         factors, n = gtsam.NonlinearFactorGraph(), len(u) + 1
         between, gaussian = gtsam.BetweenFactorPose2, gtsam.noiseModel.Gaussian.SqrtInformation
@@ -120,7 +120,7 @@ class Smoother:
 
     def components_at_end(self, components: FloatArray) -> FloatArray:
         """Return components of the motions' covariances, shape (n − 1, k, 3, 3), in the frames that these end in."""
-        flat = _turned(components.reshape(-1, 3, 3), np.repeat(-self._u[:, 2], components.shape[1]))
+        flat = turned(components.reshape(-1, 3, 3), np.repeat(-self._u[:, 2], components.shape[1]))
         return flat.reshape(components.shape)
 
     def whitened(self, solution: Solution, motions: FloatArray, readings: FloatArray) -> FloatArray:
@@ -144,14 +144,22 @@ class Smoother:
         rows, columns, entries = linear.sparseJacobian_()
         return LinearSystem(rows, columns, entries, 3 * self._poses + 2 * len(solution.features))
 
-    def pose_covariances(self, solution: Solution) -> FloatArray:
-        """Return the covariance of each pose in the map's frame, shape (n, 3, 3)."""
+    def pair_covariances(self, solution: Solution) -> tuple[FloatArray, FloatArray]:
+        """Return the covariance of each pose and the next together, shape (n − 1, 6, 6), in the map's axes.
+
+        The second pose's is that of a pose at the first one's place, fixed to it. Likewise, shape (n − 1, 3, 3), the
+        noise that each motion has at least.
+        """
         import gtsam
 
-        values = self._values(solution.poses, solution.features)
-        marginals = gtsam.Marginals(self._held(solution.poses[0]), values)
-        local = np.array([marginals.marginalCovariance(i) for i in range(self._poses)])
-        return _turned(local, solution.poses[:, 2])
+        values, poses = self._values(solution.poses, solution.features), solution.poses
+        marginals = gtsam.Marginals(self._held(poses[0]), values)
+        local = np.array([marginals.jointMarginalCovariance([i, i + 1]).fullMatrix() for i in range(len(poses) - 1)])
+        to = np.zeros((len(local), 6, 6))
+        to[:, :3, :3] = _rotations(poses[:-1, 2])
+        to[:, 3:, 3:] = _arms(poses[:-1, :2] - poses[1:, :2]) @ _rotations(poses[1:, 2])
+        least = np.tile(FLOOR**2 * np.eye(3), (len(local), 1, 1))
+        return _transformed(local, to), _transformed(least, to[:, 3:, 3:])
 
     def _held(self, pose: FloatArray) -> Any:
         import gtsam
@@ -185,8 +193,27 @@ def _into(vectors: FloatArray, headings: FloatArray) -> FloatArray:
     return np.column_stack([cos * x + sin * y, cos * y - sin * x, wrap(turn)])
 
 
-def _turned(P: FloatArray, angle: FloatArray) -> FloatArray:
+def turned(P: FloatArray, angle: FloatArray) -> FloatArray:
     """Return covariances (n, 3, 3) of poses in a frame turned by angles (n,)."""
+    return _transformed(P, _rotations(angle))
+
+
+def moved(P: FloatArray, to: FloatArray) -> FloatArray:
+    """Return covariances (n, 3, 3) of poses as those of poses that lie farther by (n, 2) and are fixed to these."""
+    return _transformed(P, _arms(to))
+
+
+def _transformed(P: FloatArray, by: FloatArray) -> FloatArray:
+    return np.asarray(by @ P @ by.transpose(0, 2, 1))
+
+
+def _rotations(angle: FloatArray) -> FloatArray:
     cos, sin, zero, one = np.cos(angle), np.sin(angle), np.zeros(len(angle)), np.ones(len(angle))
-    turn = np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]]).transpose(2, 0, 1)
-    return np.asarray(turn @ P @ turn.transpose(0, 2, 1))
+    return np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]]).transpose(2, 0, 1)
+
+
+def _arms(to: FloatArray) -> FloatArray:
+    """Return how the errors of a pose, x, y and theta, are those of one that lies farther by (n, 2)."""
+    arms = np.tile(np.eye(3), (len(to), 1, 1))
+    arms[:, 0, 2], arms[:, 1, 2] = -to[:, 1], to[:, 0]
+    return arms

@@ -17,8 +17,9 @@ from trailmark.estimation.graph.gauge import relative_covariance
 from trailmark.estimation.graph.odometry import OdometryTrack
 from trailmark.estimation.graph.readings import Readings, polar_readings
 from trailmark.estimation.graph.reassociation import Labels
-from trailmark.estimation.graph.residual_checks import figures, inflation, misfit, shown_noise
+from trailmark.estimation.graph.residual_checks import figures, inflation, misfit
 from trailmark.estimation.graph.residual_checks import scale as scale_of
+from trailmark.estimation.graph.smoother import moved, turned
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.unnamed_features import associated
@@ -41,11 +42,9 @@ class BatchResult(NamedTuple):
     """What a batch makes of a log that EKF-SLAM went through."""
 
     result: SlamResult
-    """Poses and features of the batch, the rest as EKF-SLAM had it."""
-    relative: FloatArray
-    """Covariance of each feature in the map's frame, shape (m, 2, 2)."""
-    own_frame: bool
-    """Whether that frame is the features' own; of fewer than FEWEST it is that of the first pose."""
+    """Poses and features of the batch, with covariances in the start's frame; the rest as EKF-SLAM had it."""
+    relative: FloatArray | None
+    """Covariance of each feature in the frame that the features make, shape (m, 2, 2); None for fewer than FEWEST."""
     figures: dict[str, Any]
     """What was found, as plain data."""
 
@@ -71,7 +70,8 @@ def smoothed(
     """
     result = begun[0]
     detections = [assignment.detection for assignment in result.assignments]
-    instants = np.unique([detection.t for detection in detections])
+    # The start is a second before the first record, since an increment ends at its time.
+    instants = np.unique([records[0].t - 1.0, *(detection.t for detection in detections)])
     feature = _features_of(result)
     track = OdometryTrack(records)
     readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
@@ -83,12 +83,9 @@ def smoothed(
     named = any(f.identity is not None for f in result.features)
     estimate = batch.solve(poses, places, feature)
     stated = misfit(batch, estimate)
-    wrong = stated.understated or (stated.overstated and settings.default_noise and not readings.stated)
-    auto, noise = settings.fit_noise == "auto", None
-    if auto and wrong and readings.stated and track.states_noise:
-        # A log that states all of its noise has its readings weighed by that; how wrong they are, they show themselves.
-        noise = shown_noise(batch, estimate)
-    elif named and (settings.fit_noise == "on" or (auto and wrong)):
+    wrong = stated.understated or (stated.overstated and settings.default_noise)
+    auto = settings.fit_noise == "auto"
+    if named and (settings.fit_noise == "on" or (auto and wrong)):
         estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
     if not named:
         # Wrong assignments look like noise: whether it is wrong cannot be told before.
@@ -96,7 +93,7 @@ def smoothed(
         labels = Labels(estimate.solution.features, feature)
         (labels, estimate) = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
         result, feature = _relabelled(result, labels), labels.feature
-    joint = estimate.feature_covariance(noise)
+    joint = estimate.feature_covariance()
     if batch.fitted:
         joint *= inflation(batch, estimate)
     found = _Found(batch, track, estimate, feature, joint, figures(batch, estimate, stated))
@@ -155,7 +152,7 @@ class _Found(NamedTuple):
 
 
 def _result(found: _Found, result: SlamResult, settings: MapSettings, times: FloatArray) -> BatchResult:
-    batch, track, estimate, feature, joint, plain = found
+    batch, _, estimate, feature, joint, plain = found
     scale, solution = scale_of(batch, estimate), estimate.solution
     origin = solution.poses[0, :2]
     means = origin + scale.factor * (solution.features - origin)
@@ -165,52 +162,89 @@ def _result(found: _Found, result: SlamResult, settings: MapSettings, times: Flo
     own = np.arange(2 * len(means)).reshape(-1, 2)
     joint[own[:, :, None], own[:, None, :]] += settings.slam.curvature * estimate.missed()
     joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
-    own_frame = len(means) >= FEWEST
-    relative = relative_covariance(means, joint) if own_frame else joint
-    blocks, relative = (
-        0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]]) for P in (joint, relative)
+    blocks, within = (
+        0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]])
+        for P in (joint, relative_covariance(means, joint))
     )
+    between, covariances = poses_between(found, poses, times)
+    blocks += settings.slam.curvature * _bent(means - origin, blocks, covariances[:, 2, 2].max())
     features = tuple(
         f._replace(mean=mean, covariance=block, readings=int(np.count_nonzero(estimate.feature == i)))
         for i, (f, mean, block) in enumerate(zip(result.features, means, blocks, strict=True))
     )
-    between = poses_between(track, batch, poses, times)
-    at = np.clip(np.searchsorted(batch.instants, times, side="right") - 1, 0, None)
     outliers = int(np.count_nonzero((feature >= 0) & (estimate.feature < 0)))
     used = int(np.count_nonzero(estimate.feature >= 0))
     counts = replace(result.counts, outliers=outliers, used=used)
     smooth = result._replace(
         trajectory=np.column_stack([times, between]),
-        covariances=estimate.smoother.pose_covariances(solution)[at],
+        covariances=covariances,
         features=features,
         counts=counts,
     )
-    return BatchResult(smooth, relative, own_frame, plain)
+    return BatchResult(smooth, within if len(means) >= FEWEST else None, plain)
 
 
-def poses_between(track: OdometryTrack, batch: Batch, poses: FloatArray, times: FloatArray) -> FloatArray:
-    """Return poses at times, shape (k, 3): by odometry from the last estimated one, led to the next one.
+def _bent(away: FloatArray, there: FloatArray, heading: float) -> FloatArray:
+    """Return the mean square of what linear errors miss of arcs about the start, shape (m, 2, 2).
 
-    What the odometry misses the next pose by is spread over the time between the two.
+    Args:
+        away: from the start, shape (m, 2).
+        there: their covariances, shape (m, 2, 2): what it has across is taken for a turn.
+        heading: variance of the robot's heading, at most: no turn has more.
     """
-    every = np.union1d(times, batch.instants)
-    u = track.motions(every, batch.noise.odometry).u
+    across = np.column_stack([-away[:, 1], away[:, 0]])
+    far = np.maximum((away**2).sum(axis=1), 1e-12) ** 2
+    turn = np.minimum(np.einsum("ni,nij,nj->n", across, there, across) / far, heading)
+    return np.asarray(0.75 * turn[:, None, None] ** 2 * (away[:, :, None] * away[:, None, :]))
+
+
+def poses_between(found: _Found, poses: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return poses at times, shape (k, 3), and their covariances, shape (k, 3, 3).
+
+    They are by odometry from the last estimated pose, led to the next one: what the odometry misses that by is spread
+    over the time between the two.
+
+    Args:
+        found: the batch.
+        poses: estimated, shape (n, 3).
+        times: shape (k,), ascending.
+    """
+    batch, instants = found.batch, found.batch.instants
+    every = np.union1d(times, instants)
+    motions = found.track.motions(every, batch.noise.odometry)
+    u = motions.u
     heading = np.concatenate([[0.0], np.cumsum(u[:, 2])])
     cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
     steps = np.column_stack([cos * u[:, 0] - sin * u[:, 1], sin * u[:, 0] + cos * u[:, 1]])
     reckoned = np.column_stack([np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]), heading])
-    anchors = np.searchsorted(every, batch.instants)
-    last = np.clip(np.searchsorted(batch.instants, every, side="right") - 1, 0, None)
-    found = compose(poses[last], relative(reckoned[anchors[last]], reckoned))
+    anchors = np.searchsorted(every, instants)
+    last = np.clip(np.searchsorted(instants, every, side="right") - 1, 0, None)
+    between = compose(poses[last], relative(reckoned[anchors[last]], reckoned))
     following = np.minimum(last + 1, len(anchors) - 1)
     ends = compose(poses[last], relative(reckoned[anchors[last]], reckoned[anchors[following]]))
     missed = poses[following] - ends
     missed[:, 2] = wrap(missed[:, 2])
-    span = batch.instants[following] - batch.instants[last]
-    part = np.where(span > 0.0, (every - batch.instants[last]) / np.where(span > 0.0, span, 1.0), 0.0)
-    found += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
-    found[:, 2] = wrap(found[:, 2])
-    return found[np.searchsorted(every, times)]
+    span = instants[following] - instants[last]
+    part = np.where(span > 0.0, (every - instants[last]) / np.where(span > 0.0, span, 1.0), 0.0)
+    between += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
+    between[:, 2] = wrap(between[:, 2])
+    # As errors of a motion of the whole plane about one place, those of successive motions add up.
+    grown = np.zeros((len(every), 3, 3))
+    grown[1:] = np.cumsum(moved(turned(batch.motion_covariance(motions), between[:-1, 2]), -between[1:, :2]), axis=0)
+    pair = np.minimum(last, len(instants) - 2)
+    first, second, place = anchors[pair], anchors[pair + 1], poses[pair, :2]
+    inside = np.minimum(np.arange(len(every)), second)
+    before, whole, beyond = (
+        moved(grown[i] - grown[j], place)
+        for i, j in ((inside, first), (second, first), (np.arange(len(every)), inside))
+    )
+    estimated, least = found.estimate.smoother.pair_covariances(found.estimate.solution)
+    share = before @ np.linalg.inv(whole + least[pair])
+    both = np.concatenate([np.eye(3) - share, share], axis=2)
+    P = both @ estimated[pair] @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance
+    covariances = moved(0.5 * (P + np.swapaxes(P, 1, 2)), between[:, :2] - place)
+    wanted = np.searchsorted(every, times)
+    return between[wanted], covariances[wanted]
 
 
 def _poses_at(trajectory: FloatArray, instants: FloatArray, start: FloatArray) -> FloatArray:

@@ -9,11 +9,12 @@ from time import perf_counter
 import numpy as np
 
 from trailmark.checked import Probability, checked_arguments
+from trailmark.estimates import FRAMES, Frame
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.graph.scan_slam import match_scans
 from trailmark.estimation.logs.records import Log, Scan
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
-from trailmark.estimation.maps.map_checks import detection_warnings, explained_share, scan_warnings
+from trailmark.estimation.maps.map_checks import detection_warnings, explained_share, gap_warnings, scan_warnings
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.mapped_log import MappedLog
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
@@ -64,11 +65,11 @@ def map_log(
     if s.robot_sigma is not None and (robot is None or confidence is None):
         raise EstimationError("robot_sigma: expected a robot and a confidence with it, got one without them")
     sources = sources_of(log, s)
-    detected = sources.obstacles == "detections"
+    detected, frame = sources.obstacles == "detections", _frame(s, sources)
     run = run_slam(log, s, sources.poses, on_progress) if detected or sources.poses == "slam" else None
     scan_map, matched, explained, scan_begin = None, None, math.nan, perf_counter()
     if run is not None and detected:
-        trajectory, world = run.result.trajectory, _world_of_discs(log, s, run, robot)
+        trajectory, world = run.result.trajectory, _world_of_discs(log, s, run, robot, frame)
     else:
         scans, mapping = [record for record in log.records if isinstance(record, Scan)], s.mapping
         covariances = None
@@ -86,7 +87,7 @@ def map_log(
         scan_map = map_scans(
             log, poses, settings=mapping, robot=robot, pose_covariances=covariances, on_progress=report
         )
-        trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), scan_map.world
+        trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), replace(scan_map.world, frame=frame)
         explained = explained_share(world, scans, poses, mapping)
     if scan_map is None and run is not None:
         fitted = run.batch is not None and run.batch.figures["fitted"]
@@ -94,6 +95,7 @@ def map_log(
         warnings = detection_warnings(run.result, known, fitted, sources.poses)
     else:
         warnings = scan_warnings(explained, trajectory, sources.poses)
+    warnings += [] if sources.poses == "log" else gap_warnings(log.records)
     scan_seconds = 0.0 if scan_map is None else perf_counter() - scan_begin
     if confidence is not None:
         x, theta = s.robot_sigma or (0.0, 0.0)
@@ -117,11 +119,26 @@ def map_log(
         explained=None if math.isnan(explained) else explained,
         warnings=tuple(warnings),
         batch=None if run is None else run.batch,
-        notes=(*log.notes, *_notes(s, sources, world, run)),
+        notes=(*log.notes, *_notes(s, sources, world, frame)),
     )
 
 
-def _world_of_discs(log: Log, s: MapSettings, run: SlamRun, robot: Robot | None) -> World:
+def _frame(s: MapSettings, sources: Sources) -> Frame | None:
+    """Return what the covariances are to be relative to; None where poses are taken as they are stated."""
+    frames: tuple[Frame, ...] = ("map",) if sources.poses == "match" else ()
+    if sources.obstacles == "detections":
+        frames = FRAMES if s.smooth and sources.poses == "slam" else ("start",)
+    if s.frame not in (None, *frames):
+        known = " or ".join(map(repr, frames)) or "none"
+        raise EstimationError(
+            f"frame: expected {known} for {sources.obstacles}, poses by {sources.poses}, "
+            f"smooth={s.smooth}, got {s.frame!r}"
+        )
+    preferred = s.frame or ("map" if s.start is None else "start")
+    return preferred if preferred in frames else next(iter(frames), None)
+
+
+def _world_of_discs(log: Log, s: MapSettings, run: SlamRun, robot: Robot | None, frame: Frame | None) -> World:
     """Return a disc for each confirmed feature, in bounds that are still to be set."""
     features = run.result.features
     if not features:
@@ -132,12 +149,14 @@ def _world_of_discs(log: Log, s: MapSettings, run: SlamRun, robot: Robot | None)
             f"tentative features, {counts.dropped} dropped)"
         )
     means = np.array([feature.mean for feature in features])
-    covariances = np.array([feature.covariance for feature in features]) if run.batch is None else run.batch.relative
+    within = run.batch.relative if run.batch is not None and frame == "map" else None
+    covariances = np.array([feature.covariance for feature in features]) if within is None else within
     estimates = disc_estimates(means, covariances, s.radius, s.radius_sigma)
     low, high = means.min(axis=0) - s.radius, means.max(axis=0) + s.radius
     bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
     discs = tuple(estimate.mean for estimate in estimates)
-    return World(log.name, bounds, discs, robot, estimates=tuple(estimates))
+    of: Frame = "start" if within is None else "map"
+    return World(log.name, bounds, discs, robot, estimates=tuple(estimates), frame=of)
 
 
 def _bounds(world: World, path: FloatArray, margin: float) -> tuple[float, float, float, float]:
@@ -175,10 +194,10 @@ def _free(world: World, poses: FloatArray) -> FloatArray:
     return free
 
 
-def _notes(s: MapSettings, sources: Sources, world: World, run: SlamRun | None) -> list[str]:
+def _notes(s: MapSettings, sources: Sources, world: World, frame: Frame | None) -> list[str]:
     """Return what a reader of the result should know."""
     notes = []
-    if sources.obstacles == "detections" and run is not None and run.batch is not None and not run.batch.own_frame:
+    if world.frame != frame:
         notes.append("covariances are those in the frame of the first pose: so few features have none of their own")
     if sources.obstacles == "detections" and s.radius == MapSettings.radius:
         notes.append(f"discs are assumed to have a radius of {s.radius:g} m: the log does not state it")

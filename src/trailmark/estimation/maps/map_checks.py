@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record, Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.scan_map import beam_ends
 from trailmark.estimation.slam.slam_result import SlamResult
@@ -15,7 +16,7 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import ObstacleEstimate, World
 
-__all__ = ["detection_warnings", "duration", "explained_share", "scan_warnings", "top_speed"]
+__all__ = ["detection_warnings", "duration", "explained_share", "gap_warnings", "scan_warnings", "top_speed"]
 
 NEAR = 0.15
 """Metres from an obstacle's outline within which a scan's end point counts as explained."""
@@ -41,8 +42,28 @@ SAME = 0.99
 MAX_POINTS = 20_000
 """End points, at most, that are looked at."""
 
+GAP, UNUSUAL = 5.0, 20.0
+"""Seconds without odometry, and in intervals as they mostly are, that are a gap: both together."""
+
 DAY = 86_400.0
 """Seconds: a longer gap between two records is a clock that was set."""
+
+
+def gap_warnings(records: Sequence[Record]) -> list[str]:
+    """Return that odometry is silent far longer than it mostly is, from where on, and what is made of that."""
+    moves = [record for record in records if isinstance(record, Odometry | Increment)]
+    t = np.array([record.t for record in moves])
+    read = [record.t for record in records if isinstance(record, Detection | Scan)]
+    usual = float(np.median(np.diff(t))) if len(t) > 1 else math.inf
+    t = np.append(t, read[-1:])
+    gaps = np.diff(t)
+    long = np.flatnonzero((gaps > max(GAP, UNUSUAL * usual)) & (gaps < DAY))
+    if len(long) == 0:
+        return []
+    i = long[gaps[long].argmax()]
+    others = f" ({len(long)} gaps in all)" if len(long) > 1 else ""
+    held = "the last velocity is taken to have held" if isinstance(moves[i], Odometry) else "no motion is known in it"
+    return [f"odometry: a gap of {gaps[i]:.0f} s from {t[i]:g} s on{others}: {held}"]
 
 
 def explained_share(world: World, scans: Sequence[Scan], poses: FloatArray, s: MappingSettings) -> float:

@@ -17,6 +17,7 @@ from trailmark.checked import (
     Share,
     checked_fields,
 )
+from trailmark.estimates import Frame
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
@@ -138,7 +139,7 @@ class MapSettings:
     """Whether a batch over the whole log follows EKF-SLAM."""
     fit_noise: Literal["auto", "on", "off"] = "auto"
     """Whether that batch estimates noise and systematic errors from the log. "auto": where the residuals show more
-    noise than is stated, or much less than these settings' own defaults."""
+    noise than is stated, or much less than the log or these settings' own defaults state."""
     fit: FitSettings = field(default_factory=FitSettings)
     """What it expects of instruments."""
     radius: Positive = 0.1
@@ -150,6 +151,11 @@ class MapSettings:
     start: tuple[Finite, Finite, Finite] | None = None
     """Where the robot stood first: x, y (metres), theta (radians), in the world's frame. None: where the log says, else
     0, 0, 0. Poses of the log stay where they are."""
+    frame: Frame | None = None
+    """What the covariances of detected obstacles are relative to. "start": the start, so that obstacles grow for the
+    error of where the map lies, too; "map": the obstacles themselves, for a robot that localises on them. None: start
+    if it is given here, else map. Fewer than four features, and those without a batch, have no frame but the start's;
+    what scans show has none but the map's."""
     margin: NonNegative = 1.0
     """Metres of free space, beside the robot's own size, around all that was detected."""
     robot_sigma: tuple[NonNegative, NonNegative] | None = None

@@ -91,6 +91,7 @@ class MappedLog(NamedTuple):
             "risk": None
             if risk is None
             else {"confidence": risk.confidence, "collision_at_most": 1.0 - risk.confidence},
+            "frame": self.world.frame,
             "time": {"total": self.seconds, "per_update": self._per_update()},
             "explained": self.explained,
             "warnings": list(self.warnings),

@@ -84,7 +84,7 @@ class DeadReckoning:
     def add(self, record: Record) -> None:
         """Go on to a record's time, by the velocities that hold until then, or by the increment that it is."""
         held = self._odometry
-        if isinstance(record, Odometry | Scan) and held is not None:
+        if isinstance(record, Odometry | Increment | Scan) and held is not None:
             self.pose = self._arc.f(self.pose, np.array([held.v, held.omega, record.t - held.t]))
             self._odometry = held._replace(t=record.t)
         if isinstance(record, Odometry):

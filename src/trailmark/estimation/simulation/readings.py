@@ -1,9 +1,9 @@
-# ruff: noqa: N806 # the names are the filter's own symbols: x, P, H, R, S, K
+# ruff: noqa: N802, N806 # the names are the filter's own symbols: x, P, H, R, S, K
 """Point features refined from range-bearing readings by the EKF: the first step of the source method's Algorithm 2.
 
-The poses of the readings are known here, and a feature does not move: its state is its position
-l = (x, y), F is the identity and Q is 0. The first reading places it (the sensor's inverse), every further one is
-an EKF update.
+The filter is filterpy's. Its state holds the positions (x, y) of some features, which stand: F is the identity, and
+W Q Wᵀ, which a prediction adds to P, is 0. The poses of the readings are known here, and of which feature each is. The
+first reading places a feature (the sensor's inverse), every further one is an update with V R Vᵀ as its noise.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ ReadingsOfMany = Annotated[ArrayLike, shaped(None, None, 2)]
 
 OUTLINE = 1e-3
 """Metres: how far a disc's outline, as a polygon, may reach beyond the disc."""
+
+GROUP = 32
+"""Features in the state of one filter, at most: an update costs the cube of their number."""
 
 STAND_OFF = 1e-6
 """Metres: a line of sight ends this far before its point, which lies on an obstacle itself."""
@@ -84,17 +87,9 @@ def refine_points(readings: ReadingsOfMany, poses: Numbers, sensor: RangeBearing
     """
     z = np.asarray(readings)
     x = _poses_of(poses, z.shape[:2])
-    first = sensor.inverse(x[:, 0], z[:, 0])
-    point = first.feature
-    P = first.G_z @ sensor.noise(x[:, 0], point) @ _transposed(first.G_z)
-    for pose, reading in zip(np.swapaxes(x, 0, 1)[1:], np.swapaxes(z, 0, 1)[1:], strict=True):
-        H, R = sensor.H_feature(pose, point), sensor.noise(pose, point)
-        PHT = P @ _transposed(H)
-        K = PHT @ np.linalg.inv(H @ PHT + R)
-        point = point + (K @ sensor.residual(reading, sensor.h(pose, point))[..., None])[..., 0]
-        I_KH = np.eye(2) - K @ H
-        P = I_KH @ P @ _transposed(I_KH) + K @ R @ _transposed(K)
-    return RefinedPoints(point, 0.5 * (P + _transposed(P)))
+    groups = [slice(i, i + GROUP) for i in range(0, max(1, len(z)), GROUP)]
+    refined = [_refined(z[group], x[group], sensor) for group in groups]
+    return RefinedPoints(*(np.concatenate(column) for column in zip(*refined, strict=True)))
 
 
 @checked_arguments(EstimationError)
@@ -211,6 +206,40 @@ def _outline_points(region: shapely.Polygon, count: int, rng: np.random.Generato
     return np.concatenate([spread, extreme])
 
 
+def _refined(z: FloatArray, x: FloatArray, sensor: RangeBearing) -> RefinedPoints:
+    """Return b points from their readings, shape (b, m, 2), from poses (b, m, 3), by one filter."""
+    from filterpy.kalman import ExtendedKalmanFilter
+
+    b, first = len(z), sensor.inverse(x[:, 0], z[:, 0])
+    ekf = ExtendedKalmanFilter(dim_x=2 * b, dim_z=2 * b)
+    ekf.x, ekf.Q = first.feature.reshape(-1), np.zeros((2 * b, 2 * b))
+    ekf.P = _diagonal(first.G_z @ sensor.noise(x[:, 0], first.feature) @ np.swapaxes(first.G_z, 1, 2))
+
+    def h(x: FloatArray, pose: FloatArray) -> FloatArray:
+        return sensor.h(pose, x.reshape(b, 2)).reshape(-1)
+
+    def H(x: FloatArray, pose: FloatArray) -> FloatArray:
+        return _diagonal(sensor.H_feature(pose, x.reshape(b, 2)))
+
+    def residual(z: FloatArray, z_hat: FloatArray) -> FloatArray:
+        return sensor.residual(z.reshape(b, 2), z_hat.reshape(b, 2)).reshape(-1)
+
+    for pose, reading in zip(np.swapaxes(x, 0, 1)[1:], np.swapaxes(z, 0, 1)[1:], strict=True):
+        ekf.predict()
+        R = _diagonal(sensor.noise(pose, ekf.x.reshape(b, 2)))
+        ekf.update(reading.reshape(-1), H, h, R, args=(pose,), hx_args=(pose,), residual=residual)
+    P = ekf.P.reshape(b, 2, b, 2)[np.arange(b), :, np.arange(b)]
+    return RefinedPoints(ekf.x.reshape(b, 2), 0.5 * (P + np.swapaxes(P, 1, 2)))
+
+
+def _diagonal(blocks: FloatArray) -> FloatArray:
+    """Return a matrix, shape (b m, b n), with these blocks (b, m, n) along its diagonal."""
+    b, m, n = blocks.shape
+    matrix, each = np.zeros((b, m, b, n)), np.arange(b)
+    matrix[each, :, each] = blocks
+    return matrix.reshape(b * m, b * n)
+
+
 def _poses_of(poses: Numbers, shape: tuple[int, ...]) -> FloatArray:
     """Return poses, shape (*shape, 3): one for each reading."""
     try:
@@ -218,7 +247,3 @@ def _poses_of(poses: Numbers, shape: tuple[int, ...]) -> FloatArray:
     except ValueError:
         given = np.shape(poses)
         raise EstimationError(f"poses: expected one x, y, theta for each of {shape} readings, got {given}") from None
-
-
-def _transposed(matrices: FloatArray) -> FloatArray:
-    return np.swapaxes(matrices, -1, -2)

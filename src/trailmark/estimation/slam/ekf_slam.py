@@ -33,7 +33,7 @@ class EkfSlam:
     """Estimates pose and features from records, one after the other.
 
     Time:
-        - Odometry holds from its time on until the next; increments end at their time. A log has one or the other.
+        - Odometry holds from its time on until the next; increments end at their time. Both add up.
         - At one instant motion comes before readings, whatever their order in the log; all readings of an instant
           are associated and used together, once a later record comes or :meth:`finish` is called.
         - A record older than one already processed is an error, or skipped and counted (``settings.late``).
