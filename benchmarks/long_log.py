@@ -46,7 +46,7 @@ figures |= {"load": peak(), "load_seconds": time.process_time() - begin}
 begin, mapped = time.process_time(), map_log(log)
 figures |= {"map": peak(), "map_seconds": time.process_time() - begin}
 found = mapped.figures()
-figures |= {"nodes": found["matching"]["nodes"], "explained": found["explained"]}
+figures |= {"nodes": found["matching"]["nodes"]}
 print(json.dumps(figures))
 """
 
@@ -105,12 +105,11 @@ def main() -> int:
             f"{figures['load'] - figures['start']:.0f}",
             f"{figures['map'] - figures['load']:.0f}",
             f"{figures['nodes']:,}",
-            f"{100 * figures['explained']:.2f} %",
             f"{figures['load_seconds']:.0f} + {figures['map_seconds']:.0f} of {0.1 * count:.0f}",
         ]
         for count, figures in runs.items()
     ]
-    header = ["scans", "MB for the log", "MB more to map it", "nodes", "ends explained", "s of the drive's"]
+    header = ["scans", "MB for the log", "MB more to map it", "nodes", "s of the drive's"]
     text = markdown_table(header, table)
     print(text)
     if not options.no_write:

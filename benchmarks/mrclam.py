@@ -123,7 +123,7 @@ def defaults(course: Course, log: Log, identities: bool) -> dict[str, Any]:
     settings = MapSettings(radius=RADIUS)
     if not identities:
         settings = replace(settings, slam=replace(settings.slam, association="joint"))
-    mapped = map_log(log, settings, confidence=CONFIDENCE)
+    mapped = map_log(log, settings, confidence=CONFIDENCE, even_if_uncertain=True)
     assert mapped.slam is not None
     result, owner = mapped.slam, owners(mapped.slam)
     rows = [

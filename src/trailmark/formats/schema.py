@@ -293,6 +293,7 @@ class WorldFile(_Strict):
     queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
     zones: list[Annotated[ZoneEntry, Field(discriminator="kind")]] | None = Field(default=None, description=_ZONES)
     risk: RiskEntry | None = Field(default=None, description="a mapping {confidence, pose_covariance, reach}")
+    not_certified: Text | None = Field(default=None, description="a text (why the estimates are not to be relied on)")
 
 
 class MapFile(BaseModel):
