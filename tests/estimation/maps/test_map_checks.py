@@ -91,7 +91,7 @@ def test_maps_without_identities_are_certified_only_where_nothing_speaks_against
     far = [[-x, y] for x, y in places]
     both = disc_estimates(places + far, [1e-4 * np.eye(2)] * 10, 0.05)
     carried = association_doubts(unnamed(places + far, cut), both, "slam")
-    assert any("before and after 49.000 s" in doubt for doubt in carried)
+    assert any("before and after 50.000 s" in doubt for doubt in carried)
     assert not any("before and after" in doubt for doubt in association_doubts(unnamed(places + far, cut), both, "log"))
     lost = result._replace(counts=replace(result.counts, used=460))
     assert association_doubts(lost, estimates, "slam") == ["8% of the readings are of no feature"]

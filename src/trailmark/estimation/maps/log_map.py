@@ -22,7 +22,7 @@ from trailmark.estimation.maps.map_checks import (
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.mapped_log import MappedLog
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
-from trailmark.estimation.maps.scan_map import map_scans
+from trailmark.estimation.maps.scan_map import ScanMap, map_scans
 from trailmark.estimation.risk.allocation import regrow
 from trailmark.estimation.scans.scan_poses import missing_odometry, scan_poses
 from trailmark.se2 import FloatArray, transform
@@ -131,7 +131,12 @@ def map_log(
         scan_seconds=scan_seconds,
         warnings=tuple(warnings),
         batch=None if run is None else run.batch,
-        notes=(*log.notes, *_notes(s, sources, world, run), *_relocations(matched, trajectory)),
+        notes=(
+            *log.notes,
+            *_notes(s, sources, world, run),
+            *_coarser(scan_map, s.mapping.cell_side(log.cell)),
+            *_relocations(matched, trajectory),
+        ),
     )
 
 
@@ -187,6 +192,13 @@ def _free(world: World, poses: FloatArray) -> FloatArray:
     tree = shapely.STRtree([shape.polygon(1e-3).shapely() for shape in world.obstacles])
     free[tree.query(placed, predicate="intersects")[0]] = False
     return free
+
+
+def _coarser(scan_map: ScanMap | None, cell: float) -> list[str]:
+    """Return a sentence on cells that are larger than the side that they should have, metres."""
+    if scan_map is None or scan_map.grid.cell <= cell:
+        return []
+    return [f"cells of {scan_map.grid.cell:g} m: with {cell:g} m the map would be too large (--cell states their side)"]
 
 
 def _relocations(matched: ScanPoses | None, trajectory: FloatArray) -> list[str]:
