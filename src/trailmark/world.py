@@ -59,6 +59,8 @@ class World(Shown):
         moving: one for each obstacle, None where it stands; empty if all do.
         zones: where a path costs more or less, must not lead, has one direction or a speed limit
             (:mod:`trailmark.zones`).
+        not_certified: why its estimates are not to be relied on (``trailmark map`` says it of a log whose features or
+            places cannot be told apart); None if nothing speaks against them.
         sources: the files that it was read from, absolute, which nothing that is written may replace. Worlds compare
             without them.
 
@@ -80,6 +82,7 @@ class World(Shown):
     ids: tuple[str | None, ...] = field(default=())
     moving: tuple[Moving | None, ...] = field(default=())
     zones: tuple[Zone, ...] = field(default=())
+    not_certified: str | None = None
     sources: tuple[FilePath, ...] = field(default=(), repr=False, compare=False)
     _origin: tuple[weakref.ref[World], Changes] | None = field(default=None, init=False, repr=False, compare=False)
 
@@ -109,6 +112,7 @@ class World(Shown):
         one_of(self.risk, (RiskBound, type(None)), "world: risk:", error=WorldError)
         if self.frame not in (None, *FRAMES):
             raise WorldError(f"world: frame: {expected_name(str(self.frame), FRAMES)}")
+        one_of(self.not_certified, (str, type(None)), "world: not_certified:", error=WorldError)
         if self.boundary is not None and self.boundary.holes:
             raise WorldError("boundary: expected a polygon without holes, got one with holes (make them obstacles)")
         names = [query.name for query in self.queries]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import pytest
 from tests.cli.conftest import MAIN
 from tests.cli.logs import POSTS, START, recorded, write_mrclam
 
-from trailmark.estimation import regrow, save_log
+from trailmark.estimation import Pose, regrow, save_log
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -102,19 +101,8 @@ def test_the_json_object(shell: Shell, log: Path, tmp_path: Path) -> None:
             "counts",
             "obstacles",
         ),
-        *(
-            "bounds",
-            "trajectory",
-            "queries",
-            "risk",
-            "frame",
-            "time",
-            "explained",
-            "warnings",
-            "notes",
-            "robot",
-            "written",
-        ),
+        *("bounds", "trajectory", "queries", "risk", "frame", "time", "not_certified", "warnings", "notes", "robot"),
+        "written",
     }
     assert found["records"]["all"] == len(recorded().records)
     assert (found["dropped"], found["poses"], found["association"]) == (0, "slam", "known")
@@ -146,6 +134,32 @@ def test_scans_become_walls(shell: Shell, tmp_path: Path) -> None:
     assert len(World.load(file).obstacles) == drifting["obstacles"]["all"]
     free = record(shell, log, "--output", file, "--unknown", "free", "--cell", "0.1", "--scan-range", "5")
     assert free["obstacles"]["unknown"] == 0
+
+
+@pytest.mark.slow
+def test_without_certified_features_no_confidence_is_given(shell: Shell, log: Path, tmp_path: Path) -> None:
+    """The robot is carried, and nothing that it sees has a name."""
+    file, end = tmp_path / "world.yaml", recorded().records[-1].t
+    kept = [r for r in recorded().records if not (0.4 * end < r.t < 0.5 * end or isinstance(r, Pose))]
+    moved = [r._replace(t=r.t - 0.1 * end) if r.t > 0.45 * end else r for r in kept]
+    save_log(recorded()._replace(records=tuple(moved)), log)
+    words = ("map", log, "--output", file, "--association", "joint")
+    refused = shell(*words, "--confidence", "0.99")
+    assert (refused.status, refused.out, file.exists()) == (3, "", False)
+    assert "not certified" in refused.err
+    assert "--even-if-uncertain" in refused.err
+    measured = shell(*words, "--json")
+    assert measured.status == 0
+    reason = json.loads(measured.out)["not_certified"]
+    assert reason == World.load(file).not_certified
+    assert reason in measured.err
+    planned = shell("plan", file, "--confidence", "0.9")
+    assert (planned.status, reason in planned.err) == (2, True)
+    grown = shell(*words, "--confidence", "0.99", "--even-if-uncertain")
+    assert (grown.status, "not certified" in grown.out) == (0, True)
+    world = World.load(file)
+    assert world.risk is not None
+    assert world.not_certified == reason
 
 
 @pytest.mark.slow
@@ -218,9 +232,8 @@ def test_a_real_laser_log(shell: Shell, shared_data: Path, tmp_path: Path) -> No
     assert found["risk"]["collision_at_most"] == pytest.approx(0.1)
     drifting = shell("map", log, "--output", file, "--poses", "odometry", "--json")
     assert (drifting.status, json.loads(drifting.out)["poses"]) == (0, "odometry")
-    assert re.fullmatch(r"trailmark: warning: the map explains \d\d% .* --poses match .*\n", drifting.err)
     matched = record(shell, log, "--output", file, "--poses", "match")
-    assert matched["explained"] > 0.95
+    assert matched["not_certified"] is None
     assert matched["matching"]["nodes"] > 20
     assert shell("plan", file, "--query", "farthest", "--time-limit", "0.3").status == 0
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.trials import THOROUGH, few
 
-from trailmark.errors import FormatError, OutputError, TrailmarkError
+from trailmark.errors import FormatError, OutputError, TrailmarkError, WorldError
 from trailmark.formats import load_world, save_world, world_json_schema
 from trailmark.formats.world_yaml import world_from_data, world_text
 from trailmark.formats.yaml_data import parse_yaml
@@ -371,7 +372,7 @@ def polygon(points: str) -> str:
         (goal("{region: [[0, 0], [1, 1], [2, x]]}"), "queries[0].goal.region[2][1]: expected a finite number"),
         (HEAD + "queries: [{nam: a, start: [0, 0, 0], goal: [0, 0, 0]}]", "queries[0].nam: unknown key; expected"),
         (HEAD + f"queries: [{QUERY}, {QUERY}]", "queries: expected each name once, got 'a' more than once"),
-        (HEAD + "obstacels: []", "obstacels: unknown key; expected boundary, bounds, grid, name, obstacles, queries,"),
+        (HEAD + "obstacels: []", "obstacels: unknown key; expected boundary, bounds, grid, name, not_certified,"),
         (HEAD + '"a\\nb": []', "'a\\nb': unknown key; expected boundary, "),
         (HEAD + disc("1, id: 7"), "obstacles[3].id: expected a text that is not empty"),
         (HEAD + disc("1, id: ''"), "obstacles[3].id: expected a text that is not empty"),
@@ -444,7 +445,7 @@ def test_json_schema_describes_the_contract() -> None:
     assert schema["title"] == "trailmark world"
     assert schema["additionalProperties"] is False
     contract = {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"}
-    assert set(schema["properties"]) == {*contract, "frame", "grid", "risk", "zones"}
+    assert set(schema["properties"]) == {*contract, "frame", "grid", "not_certified", "risk", "zones"}
     assert schema["required"] == ["trailmark", "bounds"]
     disc_schema = schema["$defs"]["DiscObstacle"]
     assert disc_schema["properties"]["radius"]["exclusiveMinimum"] == 0.0
@@ -482,3 +483,11 @@ def test_nothing_but_discs_is_read_as_discs_among_others_are(tmp_path: Path, row
 
     disc = "  - {shape: disc, center: [1.0, 2.0], radius: 0.5}\n"
     assert read(f"{disc}  - {row}\n") == read(f"{disc}  - {row}\n{other}")
+
+
+def test_why_a_map_is_not_certified_is_kept(tmp_path: Path) -> None:
+    world = World("m", (0.0, 0.0, 1.0, 1.0), not_certified="features: one is taken for the other")
+    world.save(tmp_path / "m.yaml")
+    assert World.load(tmp_path / "m.yaml") == world
+    with pytest.raises(WorldError, match="not_certified"):
+        replace(world, not_certified=1)  # type: ignore[arg-type]  # a mistake

@@ -27,6 +27,9 @@ WORLD_SUFFIXES = (".yaml", ".yml")
 TRAJECTORY_SUFFIXES = (".tum", ".txt")
 ROBOT = "disc:0.2"
 
+NOT_CERTIFIED = 3
+"""Exit status: --confidence for a map whose estimates are not to be relied on."""
+
 _NOISE = "Noise and mapping"
 _LOG = "Log"
 
@@ -58,6 +61,9 @@ def map_log(
             "Grow the obstacles so that a valid path meets none with probability P; default: as measured.",
         ),
     ] = None,
+    even_if_uncertain: Annotated[
+        bool, typer.Option("--even-if-uncertain", help="Grow them by --confidence though the map is not certified.")
+    ] = False,
     robot: Annotated[
         str,
         typer.Option(
@@ -243,6 +249,7 @@ def map_log(
 
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
+        from trailmark.estimation.errors import NotCertifiedError
         from trailmark.estimation.graph.g2o import write_g2o
         from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.maps.log_map import map_log as map_records
@@ -292,10 +299,23 @@ def map_log(
         def follow(what: str, done: int, total: int) -> None:
             progress.details = (_bar(done, total), f"{done:,} of {total:,} {what}")
 
+        refused = None
         try:
-            mapped = map_records(read, settings, robot=body, confidence=probability, on_progress=follow)
+            mapped = map_records(
+                read,
+                settings,
+                robot=body,
+                confidence=probability,
+                even_if_uncertain=even_if_uncertain,
+                on_progress=follow,
+            )
+        except NotCertifiedError as error:
+            refused = str(error)
         except TrailmarkError as error:
             raise FormatError(log, str(error)) from None
+        if refused is not None:
+            typer.echo(f"trailmark: {refused}; --even-if-uncertain grows the obstacles all the same", err=True)
+            raise typer.Exit(NOT_CERTIFIED)
         progress.stage("writing")
         written = [world_file] if world_file is not None else []
         if picture is not None:
@@ -310,7 +330,8 @@ def map_log(
             write_tum(tum_file, mapped.trajectory)
             written.append(tum_file)
         if nav2_file is not None:
-            written += save_nav2_map(mapped.world, nav2_file, settings.mapping.cell_side(read.cell))
+            cell = settings.mapping.cell_side(read.cell) if mapped.scans is None else mapped.scans.grid.cell
+            written += save_nav2_map(mapped.world, nav2_file, cell)
         if g2o_file is not None:
             if mapped.matched is None:
                 raise UsageError(f"--graph {graph!r} given with poses by {mapped.poses}, allowed: --poses match")

@@ -46,8 +46,6 @@ def print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Pat
         where = "in" if nis["inside"] else "below" if nis["mean"] < nis["low"] else "above"
         band = f"expected {nis['expected']:.3f}, {where} its 95 % χ² band {nis['low']:.3f}..{nis['high']:.3f}"
         rows.append(("NIS", f"{nis['mean']:.3f} over {plural(nis['updates'], 'update')} ({band})"))
-    if found["explained"] is not None:
-        rows.append(("scans", f"{found['explained']:.1%} of their end points explained by an obstacle"))
     if found["batch"] is not None:
         rows.append(("batch", _batch_text(found["batch"])))
     seconds = found["time"]
@@ -59,6 +57,7 @@ def print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Pat
         ("queries", ", ".join(found["queries"]) or "none"),
         ("risk", _risk_text(found)),
         *((("covariances", _FRAMES[found["frame"]]),) if found["frame"] else ()),
+        *([] if found["not_certified"] is None else [("not certified", found["not_certified"])]),
         *(("note", note) for note in found["notes"]),
         *(("written", str(file)) for file in written),
     ]

@@ -62,6 +62,8 @@ def plan_at_confidence(
     if not any(estimate is not None for estimate in world.estimates):
         problem = "given for a world without estimates; expected one made by trailmark map"
         raise UsageError(f"--confidence {confidence:g} {problem}")
+    if world.not_certified is not None:
+        raise UsageError(f"--confidence {confidence:g} given for a world that is not certified: {world.not_certified}")
     answers: list[tuple[World, LandmarkPlanner, PlanResult]] = []
     problems: list[ConfigurationError] = []
     step, margin = np.inf, 0.0

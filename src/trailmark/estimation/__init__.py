@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from trailmark.estimation.errors import EstimationError as EstimationError
+    from trailmark.estimation.errors import NotCertifiedError as NotCertifiedError
     from trailmark.estimation.errors import RecordError as RecordError
     from trailmark.estimation.filter.ekf import SlamFilter as SlamFilter
     from trailmark.estimation.filter.gain import Innovation as Innovation
@@ -60,7 +61,7 @@ if TYPE_CHECKING:
     from trailmark.estimation.slam.slam_settings import SlamSettings as SlamSettings
 
 _NAMES = {
-    "errors": "EstimationError RecordError",
+    "errors": "EstimationError NotCertifiedError RecordError",
     "filter.ekf": "SlamFilter",
     "filter.gain": "Innovation Prediction",
     "filter.motion": "MotionModel PoseIncrement Unicycle",

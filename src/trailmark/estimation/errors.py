@@ -6,11 +6,15 @@ from __future__ import annotations
 
 from trailmark.errors import TrailmarkError
 
-__all__ = ["EstimationError", "RecordError"]
+__all__ = ["EstimationError", "NotCertifiedError", "RecordError"]
 
 
 class EstimationError(TrailmarkError, ValueError):
     """Noise, readings or features that an estimator cannot use: a wrong shape, not finite, not there."""
+
+
+class NotCertifiedError(EstimationError):
+    """A confidence that was asked of a map whose estimates are not to be relied on."""
 
 
 class RecordError(EstimationError):

@@ -308,13 +308,15 @@ class Explorer:
 
     def _progress(self, event: str) -> ExplorationProgress:
         known, follower = self.mapper.known, self._course.follower
-        covariance = self.mapper.covariance
+        # In the frame of the start: beside the map around it, and what that has drifted since.
+        around, drifts = self.mapper.covariance, self.mapper.drifts
+        drifted = float(drifts[0, 1]) if len(drifts) else 0.0
         return ExplorationProgress(
             time=self._time,
             distance=self._distance,
             area=float((known.state != 0).sum()) * known.cell**2,
             landmarks=self._course.landmarks,
-            sigma=float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance[:2, :2])[-1]))),
+            sigma=float(np.sqrt(max(0.0, np.linalg.eigvalsh(around[:2, :2])[-1]) + drifted**2)),
             pose=self.mapper.pose.copy(),
             target=None if follower is None else follower.target,
             path=None if follower is None else follower.rest,

@@ -34,7 +34,7 @@ class ExplorationProgress(NamedTuple):
     landmarks: int
     """How many were driven to."""
     sigma: float
-    """Standard deviation of the robot's place, metres."""
+    """Standard deviation of the robot's place along its least certain direction, metres, in the frame of its start."""
     pose: FloatArray
     """Where it is, shape (3,)."""
     target: FloatArray | None

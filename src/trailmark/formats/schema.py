@@ -296,6 +296,7 @@ class WorldFile(_Strict):
     frame: Literal["start", "map"] | None = Field(
         default=None, description="start or map (what the covariances are relative to)"
     )
+    not_certified: Text | None = Field(default=None, description="a text (why the estimates are not to be relied on)")
 
 
 class MapFile(BaseModel):

@@ -80,6 +80,7 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         risk=None if file.risk is None else _build(path, "risk", _risk, file.risk),
         frame=file.frame,
         ids=tuple(entry.id for entry in entries),
+        not_certified=file.not_certified,
         zones=tuple(_build(path, f"zones[{i}]", _zone, entry) for i, entry in enumerate(file.zones or ())),
         sources=(path.absolute(),),
     )
@@ -139,6 +140,8 @@ def world_data(world: World) -> dict[str, Any]:
         data["risk"] = _risk_data(world.risk)
     if world.frame is not None:
         data["frame"] = world.frame
+    if world.not_certified is not None:
+        data["not_certified"] = world.not_certified
     if world.obstacles:
         columns = (column or repeat(None) for column in (world.ids, world.estimates, world.moving))
         data["obstacles"] = [_obstacle_data(*row) for row in zip(world.obstacles, *columns, strict=False)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -179,6 +180,35 @@ def test_a_place_seen_from_the_other_side_closes_no_loop_along_the_corridor(seed
     found = match_scans(seen, drifting(true, [0.03, 0.02, 0.02], rng, scale=1.02))
     assert found.closures >= 2
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.5  # 2.2 m where such a loop is closed
+
+
+CORRIDOR = (shapely.box(-60.0, -1.3, 60.0, -1.2), shapely.box(-60.0, 1.2, 60.0, 1.3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turn", [81.0, -120.0])
+@pytest.mark.parametrize(
+    ("world", "place", "decides"), [(BLOCK, (1.2, 1.2, 0.3), True), (CORRIDOR, (0.0, 0.0, 0.0), False)]
+)
+def test_a_turn_that_odometry_lacks_is_found_by_the_scan_or_said(
+    turn: float, world: Sequence[shapely.Geometry], place: tuple[float, float, float], decides: bool
+) -> None:
+    """The robot turns where it stands, and its odometry is lost meanwhile."""
+    ahead = [compose(np.array([*place]), np.array([0.1 * k, 0.0, 0.0])) for k in range(8)]
+    turned = compose(ahead[-1], np.array([0.0, 0.0, math.radians(turn)]))
+    true = np.array([*ahead, *(compose(turned, np.array([0.1 * k, 0.0, 0.0])) for k in range(8))])
+    odometry = true.copy()
+    odometry[8:] = compose(true[7], relative(true[8], true[8:]))
+    rng = np.random.default_rng(0)
+    seen = [
+        cast(world, pose, beams=360, field=2.0 * math.pi, rng=rng, sigma_range=0.015, t=float(i))
+        for i, pose in enumerate(true.tolist())
+    ]
+    found = match_scans(seen, odometry, missing=np.arange(16) == 8)
+    assert found.unplaced == (() if decides else (8,))
+    if decides:
+        assert found.relocated == (8,)
+        assert np.abs(found.poses - true).max() < 0.05
 
 
 @pytest.mark.slow

@@ -2,41 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record, Scan
+from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record
 from trailmark.estimation.maps.map_checks import (
+    association_doubts,
     detection_warnings,
     duration,
-    explained_share,
     gap_warnings,
+    places_text,
     scan_warnings,
     top_speed,
 )
-from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
-from trailmark.estimation.slam.slam_result import Counts, SlamResult, Update
-from trailmark.shapes import Disc, Polygon
-from trailmark.world import World
-
-
-def test_explained_is_what_ends_near_an_outline() -> None:
-    outline = np.array([[2.0, -2.0], [3.0, -2.0], [3.0, 2.0], [2.0, 2.0]])
-    hole = np.array([[2.3, -0.5], [2.3, 0.5], [2.7, 0.5], [2.7, -0.5]])
-    wall = Polygon(outline, (hole,))
-    world = World("w", (-5.0, -5.0, 5.0, 5.0), (wall, Disc((0.0, 3.0), 0.5)))
-    # On the wall, 0.1 m before it, amid it, on its hole's outline, on the disc, nowhere, and nothing met.
-    angles = [0.0, 0.0, 0.0, 0.0, 90.0, 180.0, 200.0]
-    ranges = [2.0, 1.9, 2.2, 2.3, 2.5, 3.0, 8.0]
-    scans = [Scan(0.0, np.array([r]), math.radians(a), 0.1, 8.0) for r, a in zip(ranges, angles, strict=True)]
-    # 2.2 m lies within 0.15 m of the hole.
-    assert explained_share(world, scans, np.zeros((7, 3)), MappingSettings()) == pytest.approx(5 / 6)
-    assert math.isnan(explained_share(world, scans[-1:], np.zeros((1, 3)), MappingSettings()))
-    assert explained_share(World("e", world.bounds), scans, np.zeros((7, 3)), MappingSettings()) == 0.0
+from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult, Update
 
 
 def test_durations_leave_out_what_no_clock_says() -> None:
@@ -66,13 +49,9 @@ def test_warnings_say_what_is_wrong_and_what_to_try() -> None:
     t = 0.5 * np.arange(100)
     slow = np.column_stack([t, t, np.zeros((100, 2))])
     assert top_speed(slow) == pytest.approx(1.0)
-    assert scan_warnings(0.95, slow, "match") == []
-    assert scan_warnings(math.nan, slow, "match") == []
-    (poor,) = scan_warnings(0.48, slow, "odometry")
-    assert "48%" in poor
-    assert "--poses match" in poor
+    assert scan_warnings(slow) == []
     fast = slow * [1.0, 40.0, 1.0, 1.0]
-    (speed,) = scan_warnings(0.95, fast, "match")
+    (speed,) = scan_warnings(fast)
     assert "40 m/s" in speed
 
 
@@ -96,3 +75,46 @@ def test_maps_of_detections_that_look_wrong() -> None:
     assert "9%" in share
     (fast,) = detection_warnings(right._replace(trajectory=line * [1.0, 99.0, 1.0, 1.0]), apart, False, "slam")
     assert "m/s" in fast
+
+
+def unnamed(places: list[list[float]], read: NDArray[np.bool_]) -> SlamResult:
+    """Read from the origin, whichever the rows say; a second an instant."""
+    trajectory = np.column_stack([np.arange(len(read)), np.zeros((len(read), 3))])
+    features = tuple(MapFeature(i, None, "point", np.array(p), np.eye(2), 9) for i, p in enumerate(places))
+    assignments = []
+    for t, i in np.argwhere(read).tolist():
+        x, y = places[i]
+        z = np.array([np.hypot(x, y), np.arctan2(y, x)])
+        assignments.append(Assignment(float(t), None, i, Detection(float(t), z)))
+    counts = Counts(detections=len(assignments), used=len(assignments))
+    return SlamResult(trajectory, np.zeros((len(read), 3, 3)), features, (), tuple(assignments), counts)
+
+
+def test_maps_without_identities_are_certified_only_where_nothing_speaks_against_them() -> None:
+    places = [[2.0, -2.0], [3.0, -1.0], [4.0, 0.0], [3.0, 1.0], [2.0, 2.0]]
+    read = np.ones((100, 5), dtype=bool)
+    result, estimates = unnamed(places, read), disc_estimates(places, [1e-4 * np.eye(2)] * 5, 0.05)
+    assert association_doubts(result, estimates, "slam") == []
+    # Of two maps of the same things, each is read half of the time.
+    half = read.copy()
+    half[50:, 1], half[:50, 2] = False, False
+    (missed,) = association_doubts(unnamed(places, half), estimates, "slam")
+    assert "read 80% of the times" in missed
+    (close,) = association_doubts(result, disc_estimates(places, [0.1 * np.eye(2)] * 5, 0.05), "slam")
+    assert "5 of 5 features lie less than 5 standard deviations" in close
+    # Carried at 50 s: all is new.
+    cut = np.zeros((100, 10), dtype=bool)
+    cut[:50, :5] = cut[50:, 5:] = True
+    far = [[-x, y] for x, y in places]
+    both = disc_estimates(places + far, [1e-4 * np.eye(2)] * 10, 0.05)
+    carried = association_doubts(unnamed(places + far, cut), both, "slam")
+    assert any("before and after 50.000 s" in doubt for doubt in carried)
+    assert not any("before and after" in doubt for doubt in association_doubts(unnamed(places + far, cut), both, "log"))
+    lost = result._replace(counts=replace(result.counts, used=460))
+    assert association_doubts(lost, estimates, "slam") == ["8% of the readings are of no feature"]
+
+
+def test_places_are_named_with_their_times() -> None:
+    trajectory = np.column_stack([np.arange(9.0), np.arange(9.0), np.zeros((9, 2))])
+    assert places_text(trajectory, [3]) == "at 3.000 s near (3.0, 0.0)"
+    assert places_text(trajectory, range(7)).endswith("and 2 more")

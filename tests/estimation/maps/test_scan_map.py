@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import itertools
 import math
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -212,6 +213,16 @@ def test_progress_is_told() -> None:
     told: list[tuple[int, int]] = []
     map_scans(scans()[:3], settings=SETTINGS, on_progress=lambda done, total: told.append((done, total)))
     assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+@pytest.mark.slow
+def test_cells_that_make_too_many_corners_are_doubled_unless_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    some = scans()[::6]
+    assert map_scans(some, drive()[::6], settings=SETTINGS).grid.cell == 0.05
+    monkeypatch.setattr("trailmark.formats.grid.MAX_CORNERS", 500)
+    assert map_scans(some, drive()[::6], settings=SETTINGS).grid.cell == 0.1
+    with pytest.raises(EstimationError, match="at most 500 corners"):
+        map_scans(some, drive()[::6], settings=replace(SETTINGS, cell=0.05))
 
 
 # --- Poses

@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
-from trailmark.estimation.scans.scan_poses import scan_poses
+from trailmark.estimation.scans.scan_poses import missing_odometry, scan_poses
 
 
 def log(records: list[Record]) -> Log:
@@ -72,3 +72,17 @@ def test_odometry_starts_at_the_first_scans_pose() -> None:
 def test_sources_that_are_none(source: str) -> None:
     with pytest.raises(EstimationError, match=f"got '{source}'"):
         scan_poses([bare(0.0)], source)  # type: ignore[arg-type]  # the test's point
+
+
+def test_odometry_is_missing_where_there_is_none_among_much() -> None:
+    def driven(counts: list[int]) -> Log:
+        records: list[Record] = []
+        for i, count in enumerate(counts):
+            records += [*(Increment(float(i), 0.1, 0.0, 0.0) for _ in range(count)), bare(float(i))]
+        return log(records)
+
+    assert missing_odometry(driven([0, 4, 0, 5, 4])).tolist() == [False, False, True, False, False]
+    # Where they alternate, one may come late.
+    assert not missing_odometry(driven([1, 1, 0, 2, 1])).any()
+    # Velocities hold until others come.
+    assert not missing_odometry(log([Odometry(0.0, 1.0, 0.0), bare(1.0), bare(2.0)])).any()

@@ -16,7 +16,7 @@ from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.readings import Readings
 from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Labels", "assigned", "merged", "split", "without_unseen"]
+__all__ = ["Labels", "assigned", "merged", "seen_from", "split", "without_unseen"]
 
 IntArray = NDArray[np.intp]
 
@@ -162,6 +162,12 @@ def split(labels: Labels, poses: FloatArray, readings: Readings, place_sigma: fl
     return Labels(np.array(places).reshape(-1, 2), feature)
 
 
+def seen_from(poses: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ranges and bearings, shape (n, m) each, of places (m, 2) from poses (n, 3)."""
+    dx, dy = (places[None] - poses[:, None, :2]).transpose(2, 0, 1)
+    return np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - poses[:, 2:]))
+
+
 def without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
     """Return the features without those that hardly any reading shows, or much fewer than should.
 
@@ -178,8 +184,7 @@ def without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confir
     if not len(used):
         return labels
     low, high = np.quantile(used, [0.05, 0.95], axis=0)
-    dx, dy = (labels.places[None] - poses[:, None, :2]).transpose(2, 0, 1)
-    r, bearing = np.hypot(dx, dy), wrap(np.arctan2(dy, dx) - poses[:, 2:])
+    r, bearing = seen_from(poses, labels.places)
     inside = (r >= low[0]) & (r <= high[0]) & (bearing >= low[1]) & (bearing <= high[1])
     share = counts / np.maximum(inside.sum(axis=0), counts)
     usual = float(np.average(share, weights=counts)) if counts.sum() else 0.0

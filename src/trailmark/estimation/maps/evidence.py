@@ -44,8 +44,7 @@ class EvidenceGrid:
         columns, rows = (xmax - xmin) / cell, (ymax - ymin) / cell
         if not (min(columns, rows) > 0.0 and columns * rows <= MAX_CELLS):
             raise WorldError(
-                f"expected a grid of 1 to {MAX_CELLS:,} cells, got {list(bounds)} with cells of {cell:g} m; larger "
-                "cells (--cell 0.1) and far readings left out (--scan-range 20) make it smaller"
+                f"expected a grid of 1 to {MAX_CELLS:,} cells, got {list(bounds)} with cells of {cell:g} m"
             )
         shape = int(np.ceil(rows)), int(np.ceil(columns))
         self.origin = (float(xmin), float(ymin))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from time import perf_counter
 
@@ -10,17 +9,24 @@ import numpy as np
 
 from trailmark.checked import Probability, checked_arguments
 from trailmark.estimates import FRAMES, Frame
-from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.graph.scan_slam import match_scans
+from trailmark.estimation.errors import EstimationError, NotCertifiedError
+from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
 from trailmark.estimation.logs.records import Log, Scan
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
-from trailmark.estimation.maps.map_checks import detection_warnings, explained_share, gap_warnings, scan_warnings
+from trailmark.estimation.maps.map_checks import (
+    association_doubts,
+    detection_warnings,
+    gap_warnings,
+    placement_doubts,
+    places_text,
+    scan_warnings,
+)
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.mapped_log import MappedLog
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
-from trailmark.estimation.maps.scan_map import map_scans
+from trailmark.estimation.maps.scan_map import ScanMap, map_scans
 from trailmark.estimation.risk.allocation import regrow
-from trailmark.estimation.scans.scan_poses import scan_poses
+from trailmark.estimation.scans.scan_poses import missing_odometry, scan_poses
 from trailmark.se2 import FloatArray, transform
 from trailmark.world import Query, Robot, World
 
@@ -37,6 +43,7 @@ def map_log(
     *,
     robot: Robot | None = None,
     confidence: Probability | None = None,
+    even_if_uncertain: bool = False,
     on_progress: OnProgress | None = None,
 ) -> MappedLog:
     """Return the world that a log shows.
@@ -55,11 +62,14 @@ def map_log(
         robot: of the world.
         confidence: grow the obstacles so that a valid path meets none of the true ones with this probability at
             least; None leaves them as they were measured.
+        even_if_uncertain: grow them though the data cannot tell features or places apart, so that the covariances are
+            not to be relied on (``World.not_certified`` says why).
         on_progress: called with "records" or "scans", the number of them done, and their total.
 
     Raises:
         EstimationError: a log that shows no obstacles, or does not say how the robot moved; a confidence out of
             range.
+        NotCertifiedError: a confidence for a map that is not certified.
     """
     s, begin = settings or MapSettings(), perf_counter()
     if s.robot_sigma is not None and (robot is None or confidence is None):
@@ -67,7 +77,7 @@ def map_log(
     sources = sources_of(log, s)
     detected, frame = sources.obstacles == "detections", _frame(s, sources)
     run = run_slam(log, s, sources.poses, on_progress) if detected or sources.poses == "slam" else None
-    scan_map, matched, explained, scan_begin = None, None, math.nan, perf_counter()
+    scan_map, matched, scan_begin = None, None, perf_counter()
     if run is not None and detected:
         trajectory, world = run.result.trajectory, _world_of_discs(log, s, run, robot, frame)
     else:
@@ -77,7 +87,7 @@ def map_log(
             matching = None if on_progress is None else lambda done, total: on_progress("scans matched", done, total)
             _, odometry = scan_poses(log, "odometry", s.start)
             graph = replace(s.graph, max_range=min(s.graph.max_range, mapping.scan.max_range))
-            matched = match_scans(scans, odometry, graph, matching)
+            matched = match_scans(scans, odometry, graph, matching, missing_odometry(log))
             poses, covariances = matched.poses, matched.covariances
         elif run is not None:
             poses, mapping = run.poses_of(scans), run.with_pose_sigma(scans, mapping)
@@ -88,14 +98,20 @@ def map_log(
             log, poses, settings=mapping, robot=robot, pose_covariances=covariances, on_progress=report
         )
         trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), replace(scan_map.world, frame=frame)
-        explained = explained_share(world, scans, poses, mapping)
     if scan_map is None and run is not None:
         fitted = run.batch is not None and run.batch.figures["fitted"]
         known = [estimate for estimate in world.estimates if estimate is not None]
         warnings = detection_warnings(run.result, known, fitted, sources.poses)
+        doubts = [] if run.association == "known" else association_doubts(run.result, known, sources.poses)
     else:
-        warnings = scan_warnings(explained, trajectory, sources.poses)
+        warnings = scan_warnings(trajectory)
+        doubts = [] if matched is None else placement_doubts(matched, trajectory)
     warnings += [] if sources.poses == "log" else gap_warnings(log.records)
+    if doubts:
+        world = replace(world, not_certified="; ".join(doubts))
+        warnings.append(f"not certified: {world.not_certified}")
+        if confidence is not None and not even_if_uncertain:
+            raise NotCertifiedError(f"not certified: {world.not_certified}")
     scan_seconds = 0.0 if scan_map is None else perf_counter() - scan_begin
     if confidence is not None:
         x, theta = s.robot_sigma or (0.0, 0.0)
@@ -116,10 +132,14 @@ def map_log(
         matched=matched,
         seconds=perf_counter() - begin,
         scan_seconds=scan_seconds,
-        explained=None if math.isnan(explained) else explained,
         warnings=tuple(warnings),
         batch=None if run is None else run.batch,
-        notes=(*log.notes, *_notes(s, sources, world, frame)),
+        notes=(
+            *log.notes,
+            *_notes(s, sources, world, frame),
+            *_coarser(scan_map, s.mapping.cell_side(log.cell)),
+            *_relocations(matched, trajectory),
+        ),
     )
 
 
@@ -192,6 +212,20 @@ def _free(world: World, poses: FloatArray) -> FloatArray:
     tree = shapely.STRtree([shape.polygon(1e-3).shapely() for shape in world.obstacles])
     free[tree.query(placed, predicate="intersects")[0]] = False
     return free
+
+
+def _coarser(scan_map: ScanMap | None, cell: float) -> list[str]:
+    """Return a sentence on cells that are larger than the side that they should have, metres."""
+    if scan_map is None or scan_map.grid.cell <= cell:
+        return []
+    return [f"cells of {scan_map.grid.cell:g} m: with {cell:g} m the map would be too large (--cell states their side)"]
+
+
+def _relocations(matched: ScanPoses | None, trajectory: FloatArray) -> list[str]:
+    """Return a sentence on the scans that lie where they fit and not where odometry had them."""
+    if matched is None or not matched.relocated:
+        return []
+    return [f"odometry missing or wrong, placed by the scan alone: {places_text(trajectory, matched.relocated)}"]
 
 
 def _notes(s: MapSettings, sources: Sources, world: World, frame: Frame | None) -> list[str]:

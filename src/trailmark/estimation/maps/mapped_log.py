@@ -56,8 +56,6 @@ class MappedLog(NamedTuple):
     """Time that it took."""
     scan_seconds: float
     """Of that, the time for scans."""
-    explained: float | None = None
-    """Share of the scans' end points near an obstacle, where obstacles are made of scans."""
     warnings: tuple[str, ...] = ()
     """One sentence for each thing that looks wrong, and what to try."""
     notes: tuple[str, ...] = ()
@@ -93,7 +91,7 @@ class MappedLog(NamedTuple):
             else {"confidence": risk.confidence, "collision_at_most": 1.0 - risk.confidence},
             "frame": self.world.frame,
             "time": {"total": self.seconds, "per_update": self._per_update()},
-            "explained": self.explained,
+            "not_certified": self.world.not_certified,
             "warnings": list(self.warnings),
             "notes": list(self.notes),
         }

@@ -32,6 +32,9 @@ __all__ = ["ScanMap", "beam_ends", "map_scans"]
 
 BoolArray = NDArray[np.bool_]
 
+COARSEST = 0.4
+"""Metres: cells that are not asked for become no larger where a map of smaller ones would have too many corners."""
+
 
 class ScanMap(NamedTuple):
     """A map and what it was made from."""
@@ -76,8 +79,12 @@ def map_scans(
         pose_covariances: of the poses, in the world's axes, shape (m, 3, 3); by default what the settings say of all.
         on_progress: called with the number of scans done and their total.
 
+    The grid's cells are larger than by default, up to COARSEST, where the map would have too many of them or too many
+    corners; a side that the settings state stays.
+
     Raises:
-        EstimationError: a log without scans, poses that are not there or not one for each scan.
+        EstimationError: a log without scans, a map too large for its cells, poses that are not there or not one for
+            each scan.
     """
     from trailmark.estimation.maps.scan_obstacles import find_obstacles
     from trailmark.estimation.risk.allocation import regrow
@@ -102,16 +109,20 @@ def map_scans(
                 f"pose_covariances: expected one for each of {len(scans)} scans, got {len(covariances)}"
             )
     cell = s.cell_side(log.cell if isinstance(log, Log) else None)
-    grid, lines, discs = _read(scans, x, covariances, s, cell, on_progress)
-    dropped = 0
-    for tracks in (lines, discs):
-        tracks.merge()
-        dropped += tracks.drop_unconfirmed(s.confirm)
-    try:
-        found = find_obstacles(lines, discs, grid, x, s)
-    except WorldError as error:
-        advice = "larger cells (--cell 0.1) and far readings left out (--scan-range 20) have fewer"
-        raise EstimationError(f"{error}; {advice}") from None
+    while True:
+        try:
+            grid, lines, discs = _read(scans, x, covariances, s, cell, on_progress)
+            dropped = 0
+            for tracks in (lines, discs):
+                tracks.merge()
+                dropped += tracks.drop_unconfirmed(s.confirm)
+            found = find_obstacles(lines, discs, grid, x, s)
+            break
+        except WorldError as error:
+            if s.cell is not None or cell >= COARSEST:
+                advice = "larger cells (--cell 0.1) and far readings left out (--scan-range 20) have fewer"
+                raise EstimationError(f"{error}; {advice}") from None
+            cell *= 2.0
     sighted = found.walls + found.discs
     estimates = [*(estimate for estimate, _ in sighted), *found.heaps]
     world = World(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark.checked import checked_arguments
 from trailmark.estimation.errors import EstimationError
@@ -13,7 +14,13 @@ from trailmark.estimation.filter.motion import Unicycle
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan, first_pose
 from trailmark.se2 import FloatArray, compose, wrap
 
-__all__ = ["DeadReckoning", "scan_poses"]
+__all__ = ["DeadReckoning", "missing_odometry", "scan_poses"]
+
+BoolArray = NDArray[np.bool_]
+
+USUAL = 3
+"""Records of odometry between two scans, by the median, from which on a gap without any shows that some are missing:
+of fewer, none may lie between two scans by chance."""
 
 
 @checked_arguments(EstimationError)
@@ -64,6 +71,19 @@ def _dead_reckoning(records: Sequence[Record], x: FloatArray) -> FloatArray:
         if isinstance(record, Scan):
             poses.append(reckoning.pose)
     return np.array(poses).reshape(-1, 3)
+
+
+def missing_odometry(log: Log) -> BoolArray:
+    """Return before which scans the log lacks odometry, shape (m,): there is none since the scan before."""
+    scan = np.array([isinstance(record, Scan) for record in log.records], dtype=bool)
+    moved = np.array([isinstance(record, Odometry | Increment) for record in log.records], dtype=bool)
+    counts = np.diff(np.cumsum(moved)[scan], prepend=0)
+    # Velocities hold until others come.
+    if len(counts) < 2 or any(isinstance(record, Odometry) for record in log.records):
+        return np.zeros(len(counts), dtype=bool)
+    lacking = (counts == 0) & (float(np.median(counts[1:])) >= USUAL)
+    lacking[0] = False
+    return np.asarray(lacking)
 
 
 class DeadReckoning:
