@@ -293,7 +293,7 @@ class _Drives(NamedTuple):
         causes = np.column_stack([padded[:-2], own, padded[2:]]).repeat(2, axis=0)
         causes[first] = causes[second] = own[bends + 1, None]
         causes = np.concatenate([causes, np.column_stack([own[:-1], own[1:], own[1:]])])
-        pieces = Pieces(*map(np.concatenate, zip(curves, lines, strict=True)))
+        pieces = Pieces(*(np.concatenate(both) for both in zip(curves, lines, strict=True)))  # type: ignore[arg-type]  # each keeps its type
         at = np.arange(m)
         order = np.append(np.column_stack([2 * at, 2 * at + 1, 2 * m + 2 + at]).ravel(), [2 * m, 2 * m + 1])
         return _Cut(pieces.take(order), missing, causes[order])

@@ -129,7 +129,7 @@ def test_an_outline_of_many_corners_grows_as_one(seed: int, radius: float, inner
     outline = ragged_outline(600, seed)
     assert len(pieces_of(np.array([outline]))) > 8
     vertices, *holes = [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(outline)]
-    world = World("ragged", (0.0, 0.0, 10.0, 10.0), (Polygon(vertices, holes),))
+    world = World("ragged", (0.0, 0.0, 10.0, 10.0), (Polygon(vertices, tuple(holes)),))
     origin = np.array([5.0, 5.0])
     part = shapely.box(-3.0, -5.0, 2.0, 4.0)
     for within in (None, part):
