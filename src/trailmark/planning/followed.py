@@ -43,6 +43,8 @@ class FollowedPath:
         least_at: along which of the motions.
         growth: how many times dearer it is for being led around what came since it was last compared with paths that
             lead elsewhere.
+        looks: closer looks for a better path that are due, for what was removed.
+        dearer: how many times longer it is than the inscribed disc's shortest way, as far as all such looks are done.
     """
 
     vertices: FloatArray
@@ -51,6 +53,8 @@ class FollowedPath:
     least: float | None = None
     least_at: int = 0
     growth: float = 1.0
+    looks: int = 0
+    dearer: float = 1.0
 
     @classmethod
     def of(cls, motion: Motion, path: Path) -> FollowedPath:

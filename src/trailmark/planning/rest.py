@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.path import Path
-from trailmark.planning.followed import located, vertices_of
+from trailmark.planning.followed import FollowedPath, located, vertices_of
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 
@@ -21,20 +22,19 @@ class Rest(NamedTuple):
     """What is left of a path from where the robot is.
 
     Attributes:
-        vertices: states that motions join, shape (n, 3), the robot's own first.
+        known: of it, as it is once all of it is free; its first state is the robot's own.
         free: which motions are certified in the world as it is, shape (n - 1,).
-        least: the least clearance along the motions that were not checked, metres; None if it is not known.
-        least_at: along which of the motions.
-        growth: of the path (:class:`trailmark.planning.followed.FollowedPath`).
-        checked: which motions were looked at now, shape (n - 1,).
+        checked: which motions were looked at now, shape (n - 1,). Their clearance is not known.
     """
 
-    vertices: FloatArray
+    known: FollowedPath
     free: NDArray[np.bool_]
-    least: float | None
-    least_at: int
-    growth: float
     checked: NDArray[np.bool_]
+
+    @property
+    def vertices(self) -> FloatArray:
+        """States that motions join, shape (n, 3)."""
+        return self.known.vertices
 
 
 def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
@@ -47,12 +47,13 @@ def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
         path: being followed.
         start: where the robot is, shape (3,), valid.
     """
-    motion, followed = model.motion, model.followed
+    motion, known = model.motion, model.followed
     vertices = vertices_of(motion, path)
-    unknown, least, least_at, growth = np.ones(len(vertices) - 1, np.bool_), None, 0, 1.0
-    if followed is not None and np.array_equal(followed.vertices, vertices):
-        unknown, growth = followed.touched, followed.growth
-        least, least_at = followed.least, followed.least_at
+    if known is None or not np.array_equal(known.vertices, vertices):
+        # Whatever its world was, anything may have come and gone since.
+        anywhere = np.array([model.checker.world.bounds])
+        known = FollowedPath(vertices, np.ones(len(vertices) - 1, np.bool_), anywhere)
+    unknown, least, least_at = known.touched, known.least, known.least_at
     here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
     if len(vertices) > 1:
         nearest = located(motion, path, vertices, start)
@@ -75,4 +76,5 @@ def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
         free[unknown] = model.checker.states_free(a) & model.checker.states_free(b)
         check = np.flatnonzero(unknown & free)
         free[check] = motion.motions_between_valid(vertices[check], vertices[check + 1])
-    return Rest(vertices, free, least, least_at, growth, unknown)
+    known = replace(known, vertices=vertices, touched=np.zeros(len(free), np.bool_), least=least, least_at=least_at)
+    return Rest(known, free, unknown)
