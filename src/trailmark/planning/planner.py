@@ -114,7 +114,7 @@ class LandmarkPlanner:
         checker = StateChecker(world, robot, clearance=clearance) if checker is None else checker
         self._landmarks, rng = landmarks, np.random.default_rng(self.seed)
         model = WorldModel(checker, rng, self.seed, self.settings, landmarks or 0, charges)
-        self._models = WorldModels(checker.world, model)
+        self._models = WorldModels(world, model)
         self._updating = Lock()
         self._model.shared.build_seconds = perf_counter() - begin
 
