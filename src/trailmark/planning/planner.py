@@ -235,6 +235,8 @@ class LandmarkPlanner:
         self._warm_up("changes")
         with self._updating:
             self._models, update = self._models.updated(changes)
+        # What only the new world needs: it may hold zones, or be a grid map.
+        self._warm_up("changes")
         return update
 
     @as_raised
