@@ -98,7 +98,7 @@ def test_bad_changes_change_nothing() -> None:
 
 
 def test_the_world_is_the_users_and_its_zones_can_be_opened() -> None:
-    zone = KeepOutZone([(4.0, 0.0), (6.0, 0.0), (6.0, 8.0), (4.0, 8.0)])
+    zone = KeepOutZone(Rectangle((5.0, 4.0), 2.0, 8.0).polygon())
     world = World("zone", (0.0, 0.0, 10.0, 10.0), (Disc((2.0, 8.0), 0.3),), zones=(zone,))
     planner = LandmarkPlanner(world, Robot.disc(0.3), seed=0)
     assert planner.world is world

@@ -115,7 +115,7 @@ def _hasty(kind: Kind, objective: str) -> LandmarkPlanner:
         patience=1,
         least_gain=1.0,
     )
-    zone = OneWayZone([(0.0, 3.5), (0.5, 3.5), (0.5, 4.0), (0.0, 4.0)], 0.0, 1.0)
+    zone = OneWayZone(Rectangle((0.25, 3.75), 0.5, 0.5).polygon(), 0.0, 1.0)
     world = SMALL[0] if objective == "length" else replace(SMALL[0], zones=(zone,))
     return LandmarkPlanner(world, ROBOTS[kind], seed=0, objective=objective, settings=settings, warm=False)
 
@@ -153,7 +153,7 @@ def _leave(kind: Kind, objective: str) -> None:
     from trailmark.planning.planner import LandmarkPlanner
 
     world, (start, goal) = SMALL
-    zone = KeepOutZone([(0.0, 0.0), (1.2, 0.0), (1.2, 4.0), (0.0, 4.0)])
+    zone = KeepOutZone(Rectangle((0.6, 2.0), 1.2, 4.0).polygon())
     planner = LandmarkPlanner(replace(world, zones=(zone,)), ROBOTS[kind], seed=0, warm=False)
     planner.plan(start, goal, time_limit=600.0, max_iterations=1)
 
