@@ -260,7 +260,9 @@ def test_bounds_of_numbers() -> None:
 
 def test_a_checker_for_something_else_is_refused() -> None:
     other = StateChecker(WORLD, Robot.disc(0.1))
-    with pytest.raises(ConfigurationError, match=r"checker: expected one for robot .*, got one for disc 0\.1 m"):
+    with pytest.raises(
+        ConfigurationError, match=r"checker: expected one for robot .*, got one for disc 0\.1 m .*leave robot out"
+    ):
         LandmarkPlanner(WORLD, WORLD.robot, checker=other, warm=False)
     assert LandmarkPlanner(WORLD, checker=other, warm=False).robot == Robot.disc(0.1)
     empty = World("empty", WORLD.bounds)

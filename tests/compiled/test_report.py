@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from trailmark.compiled.report import CompilingReport
+from trailmark.compiled.report import CompilingReport, compiling_for
 
 
 def test_compiling_is_reported_once_in_a_row() -> None:
@@ -21,15 +21,18 @@ def test_compiling_is_reported_once_in_a_row() -> None:
 
     compile_at(10.0, 10.6)
     assert said == []  # what is over at once is not worth a word
-    compile_at(10.7, 11.4)
-    compile_at(11.5, 20.0)
+    with compiling_for("planning"):
+        compile_at(10.7, 11.4)
+        compile_at(11.5, 20.0)
     compile_at(20.1, 21.0)
     assert len(said) == 1
-    assert said[0].startswith("compiling the kernels ")
+    assert said[0].startswith("compiling the kernels for planning:")
+    assert "once" in said[0]
     compile_at(60.0, 65.0, "somebody.else")
     compile_at(65.1, 67.0, "somebody.else")
     assert len(said) == 1
     compile_at(100.0, 101.5, "trailmark.curves.words")
     compile_at(101.6, 103.0, "trailmark.curves.words")
     assert len(said) == 2
-    assert "further kernels for trailmark.curves.words" in said[1]
+    assert "the kernels for trailmark.curves.words" in said[1]
+    assert "once" not in said[1]

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
 from tests.support.trials import trials
 
-from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, PlanResult, Rectangle, World
+from trailmark import (
+    Disc,
+    KeepOutZone,
+    LandmarkPlanner,
+    Path,
+    PlannerSettings,
+    PlanResult,
+    Rectangle,
+    Robot,
+    World,
+)
 from trailmark.errors import ConfigurationError
 from trailmark.planning.rest import rest_of
 
@@ -91,6 +102,72 @@ def test_a_much_better_path_takes_the_place_of_one_that_is_free() -> None:
     planner, path = planner_with_path()
     planner.update(OPEN.edited(remove=[0]))
     assert planner.replan(path.at(0.1), GOAL, path).kept
+
+
+HALL = World(
+    "hall",
+    (0.0, 0.0, 10.0, 10.0),
+    (
+        *(Rectangle((5.0, 0.5 * (a + b)), 0.4, b - a) for a, b in ((2.0, 6.0), (6.0, 7.5), (7.5, 10.0))),
+        *(Disc(p, 0.25) for p in ((2.0, 5.0), (3.0, 7.0), (2.5, 9.0), (7.0, 5.0), (8.0, 7.0), (7.5, 9.0), (3.5, 4.0))),
+    ),
+)
+"""A wall with a way around its end; the second of its parts is a door."""
+
+BODY = Robot.rectangle(0.6, 0.4)
+DRIVES = {"disc": Robot.disc(0.3), "any": BODY, "differential": BODY.differential(), "car": BODY.steered(0.6)}
+
+
+def followed_through(robot: Robot, worlds: list[World]) -> list[Path]:
+    """Return the paths that a planner replans in worlds one after the other, five in each."""
+    planner, start, goal, paths = LandmarkPlanner(worlds[0], robot, seed=0), (1.0, 8.0, 0.0), (9.0, 8.0, 0.0), []
+    path = planner.plan(start, goal, time_limit=10.0, max_iterations=1).path
+    for world in worlds[1:]:
+        planner.update(world)
+        for _ in range(5):
+            assert path is not None
+            path = planner.replan(start, goal, path).path
+            assert path is not None
+            paths.append(path)
+    return paths
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(DRIVES))
+def test_a_door_that_opens_is_taken(name: str, judge: Judge) -> None:
+    robot = DRIVES[name]
+    opened, zone = HALL.edited(remove=[1]), KeepOutZone(Rectangle((5.0, 6.75), 0.4, 1.5).polygon())
+    moved = HALL.edited(replace={1: Rectangle((5.0, 1.0), 0.4, 2.0)})
+    best = LandmarkPlanner(opened, robot, seed=0).plan((1.0, 8.0, 0.0), (9.0, 8.0, 0.0)).cost
+    assert best is not None
+    # It opens, as a wall and as a zone; it opens again after it was closed; it slides to where the way led.
+    for worlds in ([HALL, opened], [replace(opened, zones=(zone,)), opened], [opened, HALL, opened], [HALL, moved]):
+        *_, before, last = followed_through(robot, worlds)
+        assert before.cost == last.cost < 1.2 * best
+        judge(worlds[-1], robot, last.states[0], last.states[-1], np.array(last.resample(0.003).states))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["disc", "any", "differential"])
+def test_a_door_that_opens_is_taken_at_once(name: str) -> None:
+    paths = followed_through(DRIVES[name], [HALL, HALL.edited(remove=[1])])
+    assert len({path.cost for path in paths}) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(DRIVES))
+def test_a_direct_motion_is_used_once_it_is_free(name: str) -> None:
+    robot, start, goal = DRIVES[name], np.array([1.0, 3.0, 0.0]), np.array([9.0, 3.0, 0.0])
+    wall = World("wall", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 3.0), 0.4, 6.0),))
+    planner = LandmarkPlanner(wall, robot, seed=0)
+    detour = planner.plan(start, goal, time_limit=10.0, max_iterations=1).path
+    assert detour is not None
+    assert detour.cost > 9.0
+    planner.update(wall.edited(remove=[0]))
+    # Whoever made the path, and whatever the planner did meanwhile.
+    planner.plan(goal, start)
+    assert planner.replan(start, goal, detour).cost == pytest.approx(8.0)
+    assert LandmarkPlanner(planner.world, robot, seed=0).replan(start, goal, detour).cost == pytest.approx(8.0)
 
 
 def test_no_path_says_so() -> None:

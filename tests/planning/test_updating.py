@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
 from tests.support.trials import trials
 
-from trailmark import Disc, LandmarkPlanner, Rectangle, World
+from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, StateChecker, World
 from trailmark.errors import WorldError
 from trailmark.landmarks import free_samples
 from trailmark.planning.updating import Boxes
@@ -94,6 +95,30 @@ def test_bad_changes_change_nothing() -> None:
     with pytest.raises(WorldError, match="expected"):
         planner.update("pallet")  # type: ignore[arg-type]
     assert planner.world is world
+
+
+def test_the_world_is_the_users_and_its_zones_can_be_opened() -> None:
+    zone = KeepOutZone(Rectangle((5.0, 4.0), 2.0, 8.0).polygon())
+    world = World("zone", (0.0, 0.0, 10.0, 10.0), (Disc((2.0, 8.0), 0.3),), zones=(zone,))
+    planner = LandmarkPlanner(world, Robot.disc(0.3), seed=0)
+    assert planner.world is world
+    with pytest.raises(WorldError, match="keep-out zone 0"):
+        planner.world.edited(remove=["keep-out zone 0"])
+    planner.update(planner.world.edited(add=[Moving(Disc((2.0, 2.0), 0.3), (0.0, 0.0), 1.0)]))
+    assert len(planner.world.obstacles) == 2
+    assert not planner.checker.valid((5.0, 2.0, 0.0))
+    assert not planner._models.standing.checker.valid((5.0, 2.0, 0.0))
+    planner.update(replace(planner.world, zones=()))
+    assert planner.checker.valid((5.0, 2.0, 0.0))
+    assert planner.plan((1.0, 1.0, 0.0), (9.0, 1.0, 0.0)).cost == pytest.approx(8.0)
+
+
+def test_a_checkers_cells_are_kept() -> None:
+    world = World("cells", (0.0, 0.0, 10.0, 10.0), (Disc((2.0, 8.0), 0.3),))
+    planner = LandmarkPlanner(world, checker=StateChecker(world, Robot.disc(0.3), cell=0.025), seed=0)
+    planner.update(world.edited(add=[Moving(Disc((2.0, 2.0), 0.3), (0.0, 0.0), 1.0)]))
+    for model in (planner._models.full, planner._models.standing, planner._models.full.keeping(0.1)):
+        assert model.checker.field.size == pytest.approx(0.025, rel=0.1)
 
 
 def test_other_bounds_build_all_anew() -> None:

@@ -15,10 +15,11 @@ import json, sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from trailmark.motion import motion_of
-from trailmark import LandmarkPlanner, Roadmap, Robot, StateChecker, World
+from trailmark import KeepOutZone, LandmarkPlanner, Roadmap, Robot, StateChecker, World
 from trailmark.landmarks import free_samples
 from trailmark.planning import shorten
-from trailmark.planning.warmup import warm_up
+from trailmark.planning.warmup import ROBOTS, warm_up
+from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.shapes import Disc, Polygon, Rectangle
 
 def signatures():
@@ -30,8 +31,8 @@ def signatures():
                     found[f"{name}.{key}"] = len(value.signatures)
     return found
 
-for kind in ("straight", "translation"):
-    for use in ("plan", "changes"):
+for kind in ROBOTS:
+    for use in ("plan", "changes", "grid", "leaving"):
         warm_up(kind, use)
 report = {"warm": signatures()}
 ring = [(8, 8), (12, 8), (12, 12), (8, 12)]
@@ -67,6 +68,24 @@ for world in worlds:
         for changed in (world.edited(add=[obstacle]), both, world):
             planner.update(changed)
             result = planner.replan(result.path.states[0], result.path.states[-1], result.path, 60)
+wall = tuple(Rectangle((5.0, y), 0.4, h) for y, h in ((4.0, 4.0), (6.75, 1.5), (8.75, 2.5)))
+hall = World("hall", (0, 0, 10, 10), wall)
+zone = KeepOutZone([(0, 7), (2, 7), (2, 9), (0, 9)])
+cells = np.zeros((40, 40), bool)
+cells[10:30, 18:22] = True
+for robot in ROBOTS.values():
+    start, goal = (1.0, 8.0, 0.0), (9.0, 8.0, 0.0)
+    planner = LandmarkPlanner(hall, robot, seed=1)
+    path = planner.plan(start, goal, 60, max_iterations=1).path
+    planner.update(hall.edited(remove=[1]))
+    for _ in range(3):
+        path = planner.replan(start, goal, path, 60).path
+    RoadmapSnapshot(planner.roadmap).between(0, 1)
+    planner.update(hall.edited(add=[Disc((1.0, 8.2), 0.2)]))
+    planner.replan(start, goal, path, 60, escape=True)
+    planner.update(World("hall", hall.bounds, wall, zones=(zone,)))
+    planner.plan(start, goal, 60, max_iterations=1)
+    LandmarkPlanner(World.from_grid(cells, 0.25), robot, seed=1).plan((2, 5, 0), (8, 5, 0), 60, max_iterations=1)
 report["used"] = signatures()
 print(json.dumps(report))
 """
@@ -91,8 +110,8 @@ def test_warm_up_compiles_each_entrance_once(report: dict[str, Any]) -> None:
         "trailmark.collision.certify.motions_certified": 1,
         "trailmark.landmarks.grid_search.grid_costs": 1,
         # For each kind of motion.
-        "trailmark.roadmap.search.lazy_shortest_path": 2,
-        "trailmark.planning.shortening._sweep": 2,
+        "trailmark.roadmap.search.lazy_shortest_path": 4,
+        "trailmark.planning.shortening._sweep": 4,
     }
     assert {name: report["warm"][name] for name in entrances} == entrances
 

@@ -73,6 +73,8 @@ def _stages() -> dict[str, Callable[[], None]]:
         "many queries": partial(warm_up, use="many"),
         "changed worlds": partial(warm_up, use="changes"),
         "moving obstacles": partial(warm_up, use="moving"),
+        "grid maps": partial(warm_up, use="grid"),
+        "keep-out zones": partial(warm_up, use="leaving"),
         "objectives and zones": partial(warm_up, weighted=True),
         "many queries under objectives": partial(warm_up, use="many", weighted=True),
         "changed worlds under objectives": partial(warm_up, use="changes", weighted=True),
@@ -125,7 +127,12 @@ def _warm_up_audits() -> None:
 
 def _warm_up_logs() -> None:
     """Run every kernel that makes a map from a log, of scans and of detections."""
+    import numpy as np
+
     from trailmark.estimation import Detector, MapSettings, RangeBearing, Scanner, Unicycle, map_log, simulate
+    from trailmark.estimation.scans.clouds import PointCloud
+    from trailmark.estimation.scans.correlation import Window, match_covariance, search
+    from trailmark.estimation.scans.local_map import local_map
     from trailmark.shapes import Disc
     from trailmark.world import World
 
@@ -137,3 +144,8 @@ def _warm_up_logs() -> None:
     )
     map_log(log)
     map_log(log, MapSettings(obstacles="detections", fit_noise="on"))
+    # Scans of a loop, which this log is too short for.
+    points = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    area = local_map(PointCloud(points, np.zeros_like(points), np.ones(3)))
+    search(area, points, np.zeros(3), Window(0.2, 0.1))
+    match_covariance(area, points, np.zeros(3))

@@ -87,7 +87,7 @@ class StateChecker:
             cell = number(cell, "cell:", above=0.0, unit="m", error=WorldError)
         self.robot: Robot = chosen
         self.exact = exact
-        self._cell = cell
+        self.cell = cell
         self._build(with_keep_outs(world))
         self.footprint: Footprint = build_footprint(chosen)
         self.bare_footprint = self.footprint if chosen.clearance == 0.0 else build_footprint(chosen.keeping(0.0))
@@ -95,7 +95,7 @@ class StateChecker:
     def _build(self, world: World) -> None:
         """Make all that depends on the world."""
         self.world, radius = world, self.robot.inscribed_disc.radius
-        wanted = 0.2 * radius if self._cell is None else self._cell
+        wanted = 0.2 * radius if self.cell is None else self.cell
         self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted, 1.5 * radius))
         self.field: ClearanceField = build_field(self.grid)
         self._cells: Cells | None = None
@@ -285,6 +285,7 @@ class StateChecker:
         if robot is not None and robot != self.robot:
             raise ConfigurationError(
                 f"checker: expected one for robot {robot.describe()}, got one for {self.robot.describe()}"
+                " (leave robot out, and the checker's counts)"
             )
 
     def __repr__(self) -> str:

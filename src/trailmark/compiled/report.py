@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from time import perf_counter
 from typing import Any
 
 from numba.core import event
 
-__all__ = ["CompilingReport", "report", "report_once"]
+__all__ = ["CompilingReport", "compiling_for", "report", "report_once"]
+
+_uses: list[str] = []
 
 
 def report(line: str) -> None:
@@ -24,6 +27,16 @@ def report(line: str) -> None:
 def report_once(line: str) -> None:
     """Print one line on stderr, once in a process."""
     report(line)
+
+
+@contextmanager
+def compiling_for(use: str) -> Iterator[None]:
+    """Let the report say what kernels that the block compiles are for."""
+    _uses.append(use)
+    try:
+        yield
+    finally:
+        _uses.pop()
 
 
 class CompilingReport(event.Listener):  # type: ignore[misc,unused-ignore]  # numba ships types in part
@@ -55,11 +68,11 @@ class CompilingReport(event.Listener):  # type: ignore[misc,unused-ignore]  # nu
             self._begun, self._reported = now, False
         self._last = now
         if not self._reported and now - self._begun > self.after:
-            which = f"further kernels for {module}" if self._reported_before else "the kernels"
+            line = f"compiling the kernels for {_uses[-1] if _uses else module}: up to a minute"
+            if not self._reported_before:
+                line += ", once on this machine ('trailmark warmup' compiles all of them)"
             self._reported = self._reported_before = True
-            self._report(
-                f"compiling {which} for this machine, once: up to a minute ('trailmark warmup' compiles all of them)"
-            )
+            self._report(line)
 
     def on_end(self, event: Any) -> None:
         """Take note that numba has compiled a function."""

@@ -41,12 +41,16 @@ class FollowedPath:
             shape (f, 4).
         growth: how many times dearer it is for being led around what came since it was last compared with paths that
             lead elsewhere.
+        looks: closer looks for a better path that are due, for what was removed.
+        dearer: how many times longer it is than the inscribed disc's shortest way, as far as all such looks are done.
     """
 
     vertices: FloatArray
     touched: NDArray[np.bool_]
     freed: FloatArray
     growth: float = 1.0
+    looks: int = 0
+    dearer: float = 1.0
 
     @classmethod
     def of(cls, motion: Motion, path: Path) -> FollowedPath:

@@ -33,14 +33,17 @@ class WorldModels:
         world: as it is.
         full: a model of it, or of an earlier one.
         standing: a model of it without its moving obstacles, or of an earlier one; None makes it anew.
+        placed: the world in which its keep-out zones are obstacles, too; by default that of ``full``.
 
     Attributes:
         route: that the last query among moving obstacles came by, in some model of what stands.
     """
 
-    def __init__(self, world: World, full: WorldModel, standing: WorldModel | None = None) -> None:
-        self.world = world
-        self._full, self._standing = full, standing
+    def __init__(
+        self, world: World, full: WorldModel, standing: WorldModel | None = None, placed: World | None = None
+    ) -> None:
+        self.world, self._full, self._standing = world, full, standing
+        self._placed = full.checker.world if placed is None else placed
         self._moving: MovingObstacles | None = None
         self._stands: World | None = None
         self._lock = Lock()
@@ -74,10 +77,10 @@ class WorldModels:
     @property
     def full(self) -> WorldModel:
         """The model in which a moving obstacle is the region that it sweeps up to its horizon."""
-        if self._full.checker.world is not self.world:
+        if self._full.checker.world is not self._placed:
             with self._lock:
-                if self._full.checker.world is not self.world:
-                    self._full = self._full.edited(self.world)[0]
+                if self._full.checker.world is not self._placed:
+                    self._full = self._full.edited(self._placed)[0]
         return self._full
 
     @property
@@ -85,11 +88,13 @@ class WorldModels:
         """The model of what stands."""
         with self._lock:
             if self._stands is None:
-                self._stands = self.world.edited(remove=self._places())
+                self._stands = self._placed.edited(remove=self._places())
             model = self._standing
             if model is None:
                 full = self._full
-                checker = StateChecker(self._stands, full.checker.robot, exact=full.checker.exact)
+                checker = StateChecker(
+                    self._stands, full.checker.robot, exact=full.checker.exact, cell=full.checker.cell
+                )
                 model = WorldModel(
                     checker, np.random.default_rng(full.seed), full.seed, full.settings, 0, full.objective
                 )
@@ -113,13 +118,14 @@ class WorldModels:
         account when that one is needed.
         """
         begin, old = perf_counter(), self.world
-        world = with_keep_outs(changes if isinstance(changes, World) else old.apply(changes))
+        world = changes if isinstance(changes, World) else old.apply(changes)
         items = old.difference(world).items if world.differs_in_obstacles_only(old) else ()
         if items and all(self._moves(item) for item in items):
-            new, update = WorldModels(world, self._full, self._standing), Update(changes=len(items))
+            new = WorldModels(world, self._full, self._standing, with_keep_outs(world))
+            update = Update(changes=len(items))
             new._stands = self._stands
         else:
-            full, update = self.full.edited(world)
+            full, update = self.full.edited(with_keep_outs(world))
             new = WorldModels(world, full, self._standing)
         new.route = self.route
         return new, replace(update, seconds=perf_counter() - begin)
@@ -131,4 +137,4 @@ class WorldModels:
         return item.after is None or item.moving is not None
 
     def _places(self) -> list[int]:
-        return [i for i, moving in enumerate(self.world.moving) if moving is not None]
+        return [i for i, moving in enumerate(self._placed.moving) if moving is not None]

@@ -114,7 +114,7 @@ class LandmarkPlanner:
         checker = StateChecker(world, robot, clearance=clearance) if checker is None else checker
         self._landmarks, rng = landmarks, np.random.default_rng(self.seed)
         model = WorldModel(checker, rng, self.seed, self.settings, landmarks or 0, charges)
-        self._models = WorldModels(checker.world, model)
+        self._models = WorldModels(world, model)
         self._updating = Lock()
         self._model.shared.build_seconds = perf_counter() - begin
 
@@ -235,6 +235,8 @@ class LandmarkPlanner:
         self._warm_up("changes")
         with self._updating:
             self._models, update = self._models.updated(changes)
+        # What only the new world needs: it may hold zones, or be a grid map.
+        self._warm_up("changes")
         return update
 
     @as_raised

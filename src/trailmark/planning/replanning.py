@@ -4,22 +4,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from time import perf_counter
 
 import numpy as np
 
+from trailmark.landmarks.band import Band
 from trailmark.path import Path
 from trailmark.planning.followed import FollowedPath
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.schedule import LatticeSchedule
+from trailmark.planning.placement import Placement
+from trailmark.planning.query import Clock, Query
 from trailmark.planning.rest import Rest, rest_of
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.shortening import shorten
 from trailmark.planning.single_query import answer_query
 from trailmark.planning.world_model import WorldModel
+from trailmark.roadmap import Roadmap
 from trailmark.roadmap.search import without_repetitions
 from trailmark.se2 import FloatArray
 
@@ -34,9 +39,9 @@ PLACES = 32
 BACK_OFF = 2.0
 """Circumradii from where a motion is blocked to where a way around may begin."""
 
-GUIDE_CELLS, GUIDE_GAIN = 1 << 14, 0.5
-"""Cells of the costs to go that tell whether a better path may lead through freed space, and the share of the gain
-sought by which they must fall: they are those of a disc that shuns tight places."""
+GUIDE_CELLS, OVER = 1 << 14, 1.09
+"""Cells of the inscribed disc's grid that tells whether a better path may lead through freed space, and the times by
+which a way along its eight directions is longer than a straight one, at most."""
 
 NEAR = 1.0
 """Times the distance from where a way around begins to where it ends that it may lead off to the sides."""
@@ -46,6 +51,16 @@ SWEEPS = 40
 
 SLIGHTLY = 1.01
 """Times as much a path may cost by being led around what came before paths that lead elsewhere are looked at."""
+
+FAR_ABOVE = 1.2
+"""Times the length that no path falls below, from which on a closer look at a path is due after obstacles went."""
+
+WIDENINGS, LANDMARKS, LOOK_SECONDS = (0.05, 0.12, 0.3, 0.7), 30, 0.1
+"""Of the closer looks, one in each later query: how much longer than the inscribed disc's shortest the ways are that
+landmarks are placed along, how many, and the seconds that a look may take. Without a lattice little is found sooner."""
+
+NOTHING = np.empty((0, 4))
+"""Boxes of what was freed once it was looked at."""
 
 MIN_SECONDS = 1e-3
 """That planning anew has at least."""
@@ -96,15 +111,25 @@ class Replanner:
         if not np.array_equal(rest.vertices[-1], self.ends[1]):
             return as_replan(self._planned(None), "the path leads to another goal")
         if rest.free.all():
-            kept = self.kept(rest)
+            known, better = self._looked_for(rest.known)
+            if better is None and rest.known.looks > 0:
+                known, better = self._looked_closely(known)
+            result = None
+            if better is not None and self.improvement <= 0.0:
+                result = self.result(better, replace(known, growth=1.0))
+            if result is not None:
+                return as_replan(result, self._gained(result, rest.vertices))
+            kept = self.kept(rest._replace(known=known))
             if kept is not None:
-                return self._bettered(kept, rest.vertices)
-        repaired, growth = self._repaired(rest)
-        if repaired is not None and self.improvement <= 0.0:
-            result = self.result(repaired, growth)
+                return kept if self.improvement <= 0.0 else self._improved(kept, rest.vertices, better)
+        repaired = self._repaired(rest)
+        if repaired is not None:
+            known, better = self._looked_for(repaired)
+            repaired = repaired if better is None else replace(known, vertices=better, growth=1.0)
+            result = None if self.improvement > 0.0 else self.result(repaired.vertices, repaired)
             if result is not None:
                 return as_replan(result, "the path is blocked")
-        return as_replan(self._planned(repaired), "the path is blocked")
+        return as_replan(self._planned(None if repaired is None else repaired.vertices), "the path is blocked")
 
     def _planned(self, known: FloatArray | None) -> PlanResult:
         """Return what planning the whole query gives, beginning with a path if there is one."""
@@ -118,83 +143,121 @@ class Replanner:
             piece = vertices[i : i + 2]
             if verification.final_check.fault(self.motion.path(piece), *piece) is not None:
                 return None
-        freed = np.empty((0, 4)) if self.model.followed is None else self.model.followed.freed
-        untouched = np.zeros(len(rest.free), np.bool_)
-        self.model.followed = FollowedPath(vertices, untouched, freed, rest.growth)
+        self.model.followed = rest.known
         incumbent = self._incumbent(vertices)
         result = verification.result(incumbent, "solved", incumbent.path(), self.model.shared.roadmap)
         return replace(as_replan(result, "the path is free, and no better one is known"), kept=True)
 
-    def _bettered(self, kept: ReplanResult, vertices: FloatArray) -> ReplanResult:
-        """Return a path that is better by more than the share wanted, or the one that is free."""
-        better, limit = self._better(vertices), (kept.cost or 0.0) / (1.0 + self.min_gain)
-        result: PlanResult | None = None
-        if self.improvement > 0.0:
-            result = self._planned(vertices if better is None else better)
-        elif better is not None:
-            result = self.result(better)
-        if result is None or result.cost is None or result.cost >= limit:
+    def _improved(self, kept: ReplanResult, vertices: FloatArray, better: FloatArray | None) -> ReplanResult:
+        """Return what comes of bettering a path, if that is better by more than the share wanted, or the one kept."""
+        followed = self.model.followed
+        result = self._planned(vertices if better is None else better)
+        if result.cost is None or result.cost >= (kept.cost or 0.0) / (1.0 + self.min_gain):
+            self.model.followed = followed
             return kept
-        return as_replan(result, f"another path costs {result.cost:.4g} m instead of {kept.cost:.4g} m")
+        return as_replan(result, self._gained(result, vertices))
 
-    def _better(self, vertices: FloatArray) -> FloatArray | None:
-        """Return a better path, shape (n, 3), sought only where obstacles went since the last look; None if none is."""
-        model, followed = self.model, self.model.followed
-        if followed is None or len(followed.freed) == 0:
-            return None
-        model.followed = replace(followed, freed=np.empty((0, 4)))
-        if len(vertices) < 3:
-            return None
-        limit = self.motion.cost_of(vertices) / (1.0 + self.min_gain)
-        if not self._may_be_better(followed.freed, limit):
-            return None
-        found = self._first_path(self.ends)
-        if len(found):
-            found = self._shortened(found)
-        return found if len(found) and self.motion.cost_of(found) < limit else None
+    def _gained(self, result: PlanResult, vertices: FloatArray) -> str:
+        """Return in words what a path costs in place of the one over vertices, shape (n, 3)."""
+        cost = self.motion.whole_cost(self.motion.cost_of(vertices), self.start, self.goal)
+        return f"another path costs {result.cost:.4g} m instead of {cost:.4g} m"
 
-    def _may_be_better(self, freed: FloatArray, limit: float) -> bool:
+    def _limit(self, cost: float) -> float:
+        """Return below which cost (metres) a path takes the place of one of another; a disc's turning is in neither."""
+        turning = self.motion.whole_cost(0.0, self.start, self.goal)
+        return (cost + turning) / (1.0 + self.min_gain) - turning
+
+    def _looked_for(self, known: FollowedPath) -> tuple[FollowedPath, FloatArray | None]:
+        """Return a path after a look for a better one, and that, shape (n, 3); None if none was found.
+
+        It is the direct motion, or one that is sought where obstacles went.
+        """
+        motion, cost = self.motion, self.motion.cost_of(known.vertices)
+        straight, limit = motion.cost_of(self.ends), self._limit(cost)
+        if straight < limit and motion.motions_between_valid(self.ends[:1], self.ends[1:])[0]:
+            return replace(known, freed=NOTHING, looks=0, dearer=1.0), self.ends
+        freed, known = known.freed, replace(known, freed=NOTHING)
+        if (straight >= limit and motion.direct_is_best) or not self._may_lead_through(freed, limit):
+            return known, None
+        least = self._least_length()
+        if least >= motion.longest(limit):
+            return known, None
+        better = None
+        for found in self._paths(self.ends):
+            # Shortening saves no more than that.
+            if motion.cost_of(found) < self.model.settings.worth_shortening * limit:
+                found = self._shortened(found)
+                if motion.cost_of(found) < limit:
+                    better, cost = found, motion.cost_of(found)
+                    break
+        dearer = float(motion.longest(cost)) / max(least, 1e-9)
+        if not motion.has_lattice and dearer > max(FAR_ABOVE, (1.0 + self.min_gain) * known.dearer):
+            known = replace(known, looks=len(WIDENINGS), dearer=dearer)
+        return known, better
+
+    def _looked_closely(self, known: FollowedPath) -> tuple[FollowedPath, FloatArray | None]:
+        """Return a path after a look for a better one over a few landmarks, and that, shape (n, 3); None if none is.
+
+        They lie around the inscribed disc's shortest way, farther to the sides with each look.
+        """
+        model, cost = self.model, self.motion.cost_of(known.vertices)
+        widening, known = WIDENINGS[-known.looks], replace(known, looks=known.looks - 1)
+        clock = Clock(perf_counter(), min(LOOK_SECONDS, self.seconds_left()))
+        roadmap = Roadmap(model.checker, self.motion)
+        query = Query(roadmap, model.relaxation, model.rng, self._incumbent(known.vertices), clock, model.settings)
+        band = Band(model.checker, model.relaxation, *query.ends)
+        if np.isfinite(band.shortest):
+            placement, nodes = Placement(query, band), roadmap.add(query.ends)
+            placement.place(roadmap, widening, LANDMARKS)
+            # Whatever it costs at first: shortening saves a car much.
+            placement.search(roadmap, nodes, banned=np.zeros(len(roadmap), np.bool_))
+        found = query.incumbent.states
+        if found is None or query.incumbent.cost >= self._limit(cost):
+            return known, None
+        dearer = known.dearer * query.incumbent.cost / cost
+        return replace(known, looks=known.looks if dearer > FAR_ABOVE else 0, dearer=dearer), found
+
+    def _may_lead_through(self, freed: FloatArray, limit: float) -> bool:
         """Return whether a path that costs less than ``limit`` (metres) may lead through what was freed.
 
         Args:
             freed: boxes xmin, ymin, xmax, ymax (metres), shape (f, 4).
             limit: metres, or what an objective charges.
         """
-        model = self.model
         limit = float(self.motion.longest(limit))
         gaps = [np.hypot(*np.maximum(np.maximum(freed[:, :2] - q[:2], q[:2] - freed[:, 2:]), 0.0).T) for q in self.ends]
-        if (gaps[0] + gaps[1] - 2.0 * model.checker.robot.circumradius >= limit).all():
-            return False
-        if not (self.motion.moves_anywhere and self.motion.direct_is_best):
-            return True
-        here, goal = (model.checker.disc_center(q) for q in self.ends)
-        if model.guide is None or model.guide[0] != goal:
-            model.guide = goal, CostToGo.of(model.checker, self.ends[1], GUIDE_CELLS)
-            return True
-        before = model.guide[1].at(*here)
-        # Beyond where the robot is, costs do not matter to it.
-        guide = model.guide[1].lowered(model.checker, freed, before)
-        model.guide = goal, guide
-        return guide.at(*here) < before / (1.0 + GUIDE_GAIN * self.min_gain)
+        return bool((gaps[0] + gaps[1] - 2.0 * self.model.checker.robot.circumradius < limit).any())
 
-    def _repaired(self, rest: Rest) -> tuple[FloatArray | None, float]:
-        """Return a path for one that is blocked, shape (n, 3), and its growth; None if none was found soon.
+    def _least_length(self) -> float:
+        """Return about the length (metres) that no path falls below: the inscribed disc's shortest; 0 if none is known.
+
+        It is not proven: what goes by it is whether a search is worth its time.
+        """
+        checker = self.model.checker
+        guide = CostToGo.of(checker, self.ends[1], GUIDE_CELLS, tightness=0.0)
+        length = guide.at(*checker.disc_center(self.ends[0]))
+        if length == np.inf:
+            return 0.0
+        return max(float(np.hypot(*(self.ends[1] - self.ends[0])[:2])), length / OVER - 3.0 * guide.size)
+
+    def _repaired(self, rest: Rest) -> FollowedPath | None:
+        """Return a path for one that is blocked; None if none was found soon.
 
         It is led around what blocks it. Another one is sought only if that made it dearer by more than a little.
         """
-        around, best, growth = self._led_around(rest), np.inf, 1.0
+        around, best, known = self._led_around(rest), np.inf, rest.known
         if around is not None:
             best = self.motion.cost_of(around)
-            growth = rest.growth * best / max(self.motion.cost_of(rest.vertices), 1e-9)
+            growth = known.growth * best / max(self.motion.cost_of(rest.vertices), 1e-9)
             if growth <= SLIGHTLY:
-                return around, growth
+                return replace(known, vertices=around, growth=growth)
         other = self._first_path(self.ends)
         # Shortening saves no more than that.
         if len(other) and self.motion.cost_of(other) < self.model.settings.worth_shortening * best:
             other = self._shortened(other)
             if self.motion.cost_of(other) < best:
-                return other, 1.0
-        return around, 1.0
+                around = other
+        return None if around is None else replace(known, vertices=around, growth=1.0)
 
     def _led_around(self, rest: Rest) -> FloatArray | None:
         """Return the path with a way around where it is blocked, shape (n, 3); None if none was found soon."""
@@ -230,22 +293,33 @@ class Replanner:
             ends: start and goal, valid, shape (2, 3).
             near: whether to look only around the two.
         """
-        model, motion = self.model, self.motion
+        motion = self.motion
         direct = motion.motions_between_valid(ends[:1], ends[1:])[0]
         if direct and motion.direct_is_best:
             return ends
-        found = np.empty((0, 3))
-        if not near:
-            found = RoadmapLookup(model.shared.roadmap, *ends).search_free_edges()
-        if len(found) == 0 and motion.has_lattice:
+        found = next(self._paths(ends, near=near), ends[:0])
+        if direct and (len(found) == 0 or motion.cost_of(ends) < motion.cost_of(found)):
+            return ends
+        return found
+
+    def _paths(self, ends: FloatArray, *, near: bool = False) -> Iterator[FloatArray]:
+        """Yield paths of certified motions, shape (n, 3): of the roadmap, and as they are found over lattices.
+
+        Args:
+            ends: start and goal, valid, shape (2, 3).
+            near: whether to look only around the two.
+        """
+        model, motion = self.model, self.motion
+        if not near and len(found := RoadmapLookup(model.shared.roadmap, *ends).search_free_edges()):
+            yield found
+        if motion.has_lattice:
             window = self._window(ends) if near else None
             lattices = LatticeSchedule(
                 motion, ends, model.relaxation.size, self.seconds_left, model.settings.without, window
             )
-            found = lattices.first_path(NEAR_LEVELS if near else LEVELS)
-        if direct and (len(found) == 0 or motion.cost_of(ends) < motion.cost_of(found)):
-            return ends
-        return found
+            for _ in range(NEAR_LEVELS if near else LEVELS):
+                if len(found := lattices.first_path()):
+                    yield found
 
     def _window(self, ends: FloatArray) -> tuple[float, float, float, float]:
         """Return a box xmin, ymin, xmax, ymax (metres) around two configurations, within the bounds."""
@@ -254,13 +328,21 @@ class Replanner:
         low, high = np.maximum(xy.min(axis=0) - room, bounds[:2]), np.minimum(xy.max(axis=0) + room, bounds[2:])
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
-    def result(self, states: FloatArray, growth: float = 1.0) -> PlanResult | None:
-        """Return the result for a path of certified motions, which is followed from here on; None if it is not free."""
+    def result(self, states: FloatArray, known: FollowedPath | None = None) -> PlanResult | None:
+        """Return the result for a path of certified motions, which is followed from here on; None if it is not free.
+
+        Args:
+            states: shape (n, 3).
+            known: of the path that it takes the place of; what is left to look for is taken over.
+        """
         incumbent = self._incumbent(states)
         path = incumbent.path()
         if path is None or not self.model.verification.certified(path, np.array([self.start, self.goal])):
             return None
-        self.model.followed = replace(FollowedPath.of(self.motion, path), growth=growth)
+        followed = FollowedPath.of(self.motion, path)
+        if known is not None:
+            followed = replace(followed, growth=known.growth, looks=known.looks, dearer=known.dearer)
+        self.model.followed = followed
         return self.model.verification.result(incumbent, "solved", path, self.model.shared.roadmap)
 
     def _incumbent(self, states: FloatArray) -> Incumbent:

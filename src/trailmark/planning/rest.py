@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.path import Path
-from trailmark.planning.followed import located, vertices_of
+from trailmark.planning.followed import FollowedPath, located, vertices_of
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 
@@ -21,16 +22,19 @@ class Rest(NamedTuple):
     """What is left of a path from where the robot is.
 
     Attributes:
-        vertices: states that motions join, shape (n, 3), the robot's own first.
+        known: of it, as it is once all of it is free; its first state is the robot's own.
         free: which motions are certified in the world as it is, shape (n - 1,).
-        growth: of the path (:class:`trailmark.planning.followed.FollowedPath`).
         checked: which motions were looked at now, shape (n - 1,).
     """
 
-    vertices: FloatArray
+    known: FollowedPath
     free: NDArray[np.bool_]
-    growth: float
     checked: NDArray[np.bool_]
+
+    @property
+    def vertices(self) -> FloatArray:
+        """States that motions join, shape (n, 3)."""
+        return self.known.vertices
 
 
 def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
@@ -43,11 +47,13 @@ def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
         path: being followed.
         start: where the robot is, shape (3,), valid.
     """
-    motion, followed = model.motion, model.followed
+    motion, known = model.motion, model.followed
     vertices = vertices_of(motion, path)
-    unknown, growth = np.ones(len(vertices) - 1, np.bool_), 1.0
-    if followed is not None and np.array_equal(followed.vertices, vertices):
-        unknown, growth = followed.touched, followed.growth
+    if known is None or not np.array_equal(known.vertices, vertices):
+        # Whatever its world was, anything may have come and gone since.
+        anywhere = np.array([model.checker.world.bounds])
+        known = FollowedPath(vertices, np.ones(len(vertices) - 1, np.bool_), anywhere)
+    unknown = known.touched
     here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
     if len(vertices) > 1:
         nearest = located(motion, path, vertices, start)
@@ -67,4 +73,5 @@ def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
         free[unknown] = model.checker.states_free(a) & model.checker.states_free(b)
         check = np.flatnonzero(unknown & free)
         free[check] = motion.motions_between_valid(vertices[check], vertices[check + 1])
-    return Rest(vertices, free, growth, unknown)
+    known = replace(known, vertices=vertices, touched=np.zeros(len(free), np.bool_))
+    return Rest(known, free, unknown)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from trailmark.compiled.report import compiling_for
 from trailmark.compiled.side_by_side import compiled_side_by_side
 from trailmark.formats.cell_obstacles import cells_of
+from trailmark.keep_out import keep_outs
 from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
@@ -17,6 +20,7 @@ from trailmark.path import Path
 from trailmark.planning.pace import Pace
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
+from trailmark.zones import KeepOutZone, OneWayZone
 
 if TYPE_CHECKING:
     from trailmark.planning.planner import LandmarkPlanner
@@ -34,9 +38,21 @@ ROBOTS: dict[Kind, Robot] = {
 }
 
 
-Use = Literal["plan", "many", "changes", "moving", "grid", "reachability"]
+Use = Literal["plan", "many", "changes", "moving", "grid", "leaving", "reachability"]
 """What kernels are for: single queries; :meth:`LandmarkPlanner.plan_many`; changed worlds and paths in them; those with
-moving obstacles; grid maps; and the proof that places cannot be reached, of :mod:`trailmark.exploration`."""
+moving obstacles; grid maps; starts in keep-out zones; and the proof that places cannot be reached, of
+:mod:`trailmark.exploration`."""
+
+NAMES: dict[Use, str] = {
+    "plan": "planning",
+    "many": "many queries",
+    "changes": "changed worlds",
+    "moving": "moving obstacles",
+    "grid": "grid maps",
+    "leaving": "keep-out zones",
+    "reachability": "exploration",
+}
+"""What the uses are called."""
 
 
 @cache
@@ -49,7 +65,8 @@ def warm_up(kind: Kind = "straight", use: Use = "plan", *, weighted: bool = Fals
         weighted: what only zones and other objectives than length need, in place of what all need.
     """
     objective = "clearance" if weighted else "length"
-    with compiled_side_by_side(jobs := [partial(job, kind, objective) for job in _jobs(use, kind, weighted)]):
+    jobs = [partial(job, kind, objective) for job in _jobs(use, kind, weighted)]
+    with compiling_for(NAMES[use]), compiled_side_by_side(jobs):
         for job in jobs:
             job()
     Pace.forget_all()
@@ -61,6 +78,8 @@ def warm_up_for(robot: Robot, world: World, objective: Objective, use: Use = "pl
     warm_up(kind, use)
     if cells_of(world) is not None:
         warm_up(kind, "grid")
+    if keep_outs(world):
+        warm_up(kind, "leaving")
     if is_weighted(world, objective):
         warm_up(kind, use, weighted=True)
 
@@ -71,6 +90,7 @@ def _jobs(use: Use, kind: Kind, weighted: bool) -> Sequence[Callable[[Kind, str]
         "changes": [_follow_changes],
         "moving": [_follow_changes, *([_pass_moving] if kind in ("straight", "translation") else [])],
         "grid": [_plan_in_grid],
+        "leaving": [_leave],
         "reachability": [_shut_off],
     }
     if weighted:
@@ -95,7 +115,9 @@ def _hasty(kind: Kind, objective: str) -> LandmarkPlanner:
         patience=1,
         least_gain=1.0,
     )
-    return LandmarkPlanner(SMALL[0], ROBOTS[kind], seed=0, objective=objective, settings=settings, warm=False)
+    zone = OneWayZone(Rectangle((0.25, 3.75), 0.5, 0.5).polygon(), 0.0, 1.0)
+    world = SMALL[0] if objective == "length" else replace(SMALL[0], zones=(zone,))
+    return LandmarkPlanner(world, ROBOTS[kind], seed=0, objective=objective, settings=settings, warm=False)
 
 
 def _plan(kind: Kind, objective: str) -> None:
@@ -104,12 +126,16 @@ def _plan(kind: Kind, objective: str) -> None:
     planner = _hasty(kind, objective)
     planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.checker.clearance(start)
+    # FCL is asked where something touches.
+    planner.checker.scene.collides(start)
+    planner.checker.scene.clearance(start)
 
 
 def _follow_changes(kind: Kind, objective: str) -> None:
-    """Let the world change: beside a path, then on it, and back each time."""
-    world, (start, goal) = SMALL
+    """Let the world change: beside a path, then on it, and back each time, in the end around the robot."""
+    _, (start, goal) = SMALL
     planner = _hasty(kind, objective)
+    world = planner.world
     path = planner.plan(start, goal, time_limit=600.0, max_iterations=1).path
     if path is None:
         return
@@ -118,6 +144,18 @@ def _follow_changes(kind: Kind, objective: str) -> None:
         for changed in (world.edited(add=[obstacle]), world):
             planner.update(changed)
             path = planner.replan(start, goal, path, time_limit=600.0).path or path
+    planner.update(world.edited(add=[Disc((float(start[0]), float(start[1]) - 0.3), 0.2)]))
+    planner.replan(start, goal, path, escape=True, time_limit=600.0)
+
+
+def _leave(kind: Kind, objective: str) -> None:
+    """Plan out of a keep-out zone."""
+    from trailmark.planning.planner import LandmarkPlanner
+
+    world, (start, goal) = SMALL
+    zone = KeepOutZone(Rectangle((0.6, 2.0), 1.2, 4.0).polygon())
+    planner = LandmarkPlanner(replace(world, zones=(zone,)), ROBOTS[kind], seed=0, warm=False)
+    planner.plan(start, goal, time_limit=600.0, max_iterations=1)
 
 
 def _pass_moving(kind: Kind, objective: str) -> None:
@@ -158,6 +196,7 @@ def _plan_many(kind: Kind, objective: str) -> None:
 def _certify(kind: Kind, objective: str) -> None:
     """Certify the edges of a roadmap, and find paths with and without."""
     from trailmark.planning.planner import LandmarkPlanner
+    from trailmark.roadmap.snapshot import RoadmapSnapshot
 
     world, (start, goal) = SMALL
     planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
@@ -165,6 +204,7 @@ def _certify(kind: Kind, objective: str) -> None:
     planner.roadmap.certify_all()
     for checking in (True, False):
         planner.roadmap.find_path(start, goal, checking=checking)
+    RoadmapSnapshot(planner.roadmap).between(0, 1)
 
 
 def _drive(kind: Kind, objective: str) -> None:

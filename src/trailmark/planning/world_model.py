@@ -20,7 +20,6 @@ from trailmark.landmarks import Relaxation
 from trailmark.motion import motion_of
 from trailmark.objective import Objective
 from trailmark.planning.followed import FollowedPath
-from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.proofs import AnyBound, lower_bound_of
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shared_roadmap import SharedRoadmap
@@ -56,8 +55,6 @@ class WorldModel:
         bound: proves lower bounds; what it computes is kept from query to query.
         relaxation: the relaxed problem's grid, kept from query to query.
         followed: the path that was returned last, None before there is one.
-        guide: where a robot that replans wants to, x and y in metres, and the costs to go there, never too dear where
-            obstacles only came since they were made; None before they are needed.
     """
 
     def __init__(
@@ -74,7 +71,6 @@ class WorldModel:
         self.objective, self.motion = objective, motion_of(checker, objective=objective)
         self.followed: FollowedPath | None = None
         self._without: tuple[tuple[str, ...], WorldModel] | None = None
-        self.guide: tuple[tuple[float, float], CostToGo] | None = None if before is None else before.guide
         if before is None:
             self.verification = Verification(checker, self.motion, seed)
             self.shared = SharedRoadmap(self.motion, rng, settings, landmarks)
@@ -117,7 +113,9 @@ class WorldModel:
         checker = self.checker
         if clearance == checker.robot.clearance:
             return self
-        checker = StateChecker(checker.world, checker.robot, exact=checker.exact, clearance=clearance)
+        checker = StateChecker(
+            checker.world, checker.robot, exact=checker.exact, clearance=clearance, cell=checker.cell
+        )
         return WorldModel(checker, np.random.default_rng(self.seed), self.seed, self.settings, 0, self.objective)
 
     def valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:

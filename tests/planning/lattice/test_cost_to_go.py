@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few, trials
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.planning.lattice.cost_to_go import CostToGo
@@ -203,30 +203,3 @@ def test_there_and_back_cost_the_same() -> None:
 
 def test_straight_costs_hold_nothing() -> None:
     assert CostToGo.straight().cost.size == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
-def test_what_went_lowers_costs_to_those_of_the_world_without_it(name: str) -> None:
-    rng, cheaper = np.random.default_rng(4), 0
-    for seed in trials(6):
-        world = random_world(seed, 40, size=40.0, radii=(0.5, 5.0), discs=0.3)
-        before = StateChecker(world, ROBOTS[name])
-        q = np.column_stack([rng.uniform(2.0, 38.0, (100, 2)), np.zeros(100)])
-        goal = q[np.argmax(before.clearance(q))]
-        gone = rng.choice(40, 3, replace=False)
-        after = StateChecker(world.edited(remove=gone.tolist()), ROBOTS[name])
-        boxes = np.array([world.obstacles[i].bounding_box() for i in gone])
-        old, new = (CostToGo.of(checker, goal, 3_000).cost for checker in (before, after))
-        costs = CostToGo.of(before, goal, 3_000)
-        lowered = costs.lowered(after, boxes, np.inf)
-        assert np.array_equal(costs.cost, old)
-        assert np.array_equal(np.isfinite(lowered.cost), np.isfinite(new))
-        found = np.isfinite(new)
-        assert np.allclose(lowered.cost[found], new[found], rtol=0.03)
-        cheaper += int(np.count_nonzero(lowered.cost < 0.97 * old))
-        middle = float(np.median(new[np.isfinite(new)]))
-        near = costs.lowered(after, boxes, middle).cost
-        below = found & (lowered.cost < 0.95 * middle)
-        assert np.allclose(near[below], lowered.cost[below], rtol=0.01)
-    assert cheaper > few(100)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.compiled import njit
-from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.motion.density import Density, densities
 from trailmark.se2 import FloatArray
 
@@ -27,9 +26,6 @@ TIGHTNESS = 6.0
 
 ROOMY = 0.5
 """Where between the inscribed disc's radius and the circumradius a clearance counts as room enough."""
-
-SETTLED = 1e-3
-"""Share by which a cost must fall to be worth following."""
 
 UNIT, CLOSED, FAR = 64, 0, 2**31 - 1
 """Parts of a cell's edge that costs are counted in; the cost of a cell that is closed, and of what is not reached."""
@@ -103,25 +99,6 @@ class CostToGo:
         row, column = floor((y - self.y0) / self.size), floor((x - self.x0) / self.size)
         inside = 0 <= row < self.cost.shape[0] and 0 <= column < self.cost.shape[1]
         return float(self.cost[row, column]) if inside else inf
-
-    def lowered(self, checker: StateChecker, freed: FloatArray, limit: float, tightness: float = TIGHTNESS) -> CostToGo:
-        """Return the costs after obstacles went, as far as they are below a limit.
-
-        Only what gets cheaper is looked at; what became dearer since by other obstacles is not.
-
-        Args:
-            checker: for the world without them.
-            freed: boxes xmin, ymin, xmax, ymax (metres) that held them, shape (f, 4).
-            limit: metres.
-            tightness: as the costs were made with.
-        """
-        radius, roomy = _room(checker)
-        reach = roomy + 2.0 * self.size
-        around = freed + np.array([-reach, -reach, reach, reach]) - (self.x0, self.y0, self.x0, self.y0)
-        window = np.floor(around / self.size).astype(np.int64)
-        cost = self.cost.copy()
-        _lower(cost, checker.field, self.x0, self.y0, self.size, radius, roomy, tightness, window, limit)
-        return CostToGo(cost, self.x0, self.y0, self.size)
 
 
 def _room(checker: StateChecker) -> tuple[float, float]:
@@ -215,55 +192,6 @@ def _dear_cell(
         return CLOSED
     lack = min(1.0, max(0.0, (roomy - room) / (roomy - radius)))
     return round(UNIT * (1.0 + tightness * lack))
-
-
-@njit(cache=True, nogil=True)
-def _lower(
-    cost: NDArray[np.float32],
-    field: ClearanceField,
-    x0: float,
-    y0: float,
-    size: float,
-    radius: float,
-    roomy: float,
-    tightness: float,
-    windows: NDArray[np.int64],
-    limit: float,
-) -> None:
-    """Lower the costs, in place, from the cells of the windows (w, 4: column, row, last column, last row) on."""
-    rows, columns = cost.shape
-    down, across = _under(y0 - field.y0, size, rows, field), _under(x0 - field.x0, size, columns, field)
-    keys, values = np.empty(1024), np.empty(1024, np.int64)
-    waiting = 0
-    for window in windows:
-        for row in range(max(0, window[1]), min(rows, window[3] + 1)):
-            for column in range(max(0, window[0]), min(columns, window[2] + 1)):
-                if cost[row, column] < limit:
-                    if waiting == len(keys):
-                        keys, values = heap_grow(keys, values)
-                    waiting = heap_push(keys, values, waiting, cost[row, column], row * columns + column)
-    while waiting > 0:
-        waiting = heap_pop(keys, values, waiting)
-        row, column = values[waiting] // columns, values[waiting] % columns
-        if keys[waiting] > cost[row, column]:
-            continue
-        dear = _dear_cell(field.distance, field.slack, down, row, across, column, size, radius, roomy, tightness)
-        if dear == CLOSED:
-            continue
-        for k in range(8):
-            i, j = row + _STEP_Y[k], column + _STEP_X[k]
-            if not (0 <= i < rows and 0 <= j < columns):
-                continue
-            other = _dear_cell(field.distance, field.slack, down, i, across, j, size, radius, roomy, tightness)
-            if other == CLOSED:
-                continue
-            step = 0.5 * (dear + other) * size / UNIT * (sqrt(2.0) if k % 2 else 1.0)
-            found = cost[row, column] + step
-            if found < limit and found < cost[i, j] * (1.0 - SETTLED):
-                cost[i, j] = found
-                if waiting == len(keys):
-                    keys, values = heap_grow(keys, values)
-                waiting = heap_push(keys, values, waiting, cost[i, j], i * columns + j)
 
 
 @njit(cache=True)
