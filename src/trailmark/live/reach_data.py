@@ -10,10 +10,9 @@ import numpy as np
 import shapely
 
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs.enclosure import Enclosure, enclosure
-from trailmark.planning.proofs.region import local_origin, region_parts
-from trailmark.se2 import FloatArray, transform
-from trailmark.world import World
+from trailmark.planning.proofs import Enclosure
+from trailmark.planning.reach import ENDS, reach
+from trailmark.se2 import FloatArray
 
 __all__ = ["reach_data"]
 
@@ -22,11 +21,6 @@ SECONDS: Final = 5.0
 
 PIXELS: Final = 2000
 """Of a screen: outlines need not be finer."""
-
-FEWEST, HALVINGS = 5, 12
-"""Steps in which the width of the widest way is found, at least and at most."""
-
-ENDS: Final = ("start", "goal")
 
 Reach = dict[str, Any]
 
@@ -56,49 +50,20 @@ def reach_data(
         stop: asked whether to give up looking for it, or for the narrowest place.
         seconds: for that.
     """
-    checker, deadline = planner.checker, perf_counter() + seconds
+    deadline = perf_counter() + seconds
 
     def over() -> bool:
         return perf_counter() > deadline or (stop is not None and stop())
 
-    disc, origin = checker.robot.inscribed_disc, local_origin(checker.world)
-    centers = [transform(np.asarray(q), np.asarray(disc.center)[None])[0] for q in (start, goal)]
-    parts = region_parts(checker.world, disc.radius, origin=origin)
-    if len(parts) == 0:
-        return {"end": "start", "proof": None, "text": "", "rings": [], "radius": disc.radius}
-    # By rounding, an end may lie just outside.
-    near = [int(np.argmin(shapely.distance(parts, shapely.Point(c - origin)))) for c in centers]
-    if near[0] != near[1]:
-        end = int(np.argmin(shapely.area(parts[near])))
-        gap = _narrowest(checker.world, disc.radius, centers, origin, over)
-        return {
-            "end": ENDS[end],
-            "proof": "disc",
-            "text": _disc_text(end, gap, disc.radius),
-            "rings": _rings(parts[near[end]], origin),
-            "gap": gap or None,
-            "radius": disc.radius,
-        }
-    proof = enclosure(checker, start, goal, seconds=seconds, stop=over) if infeasible else None
-    if proof is not None:
-        text = (
-            f"Shut in at the {ENDS[proof.end]}: a disc inside the robot would get out, the robot does not, at any "
-            f"heading. All that it reaches lies in {len(proof.centers):,} cells of (x, y, heading)."
-        )
-        return {"end": ENDS[proof.end], "proof": "headings", "text": text, "boxes": _boxes(proof)}
-    text = "Where the middle of a disc inside the robot gets to from the start."
-    return {"end": "start", "proof": None, "text": text, "rings": _rings(parts[near[0]], origin)}
-
-
-def _disc_text(end: int, gap: list[float] | None, radius: float) -> str:
-    if gap is None:
-        return f"Shut in at the {ENDS[end]}: a disc inside the robot does not get out."
-    if not gap:
-        return f"Shut in at the {ENDS[end]}: obstacles close every way to the {ENDS[1 - end]}."
-    return (
-        f"Shut in at the {ENDS[end]}: the widest way to the {ENDS[1 - end]} lets a disc of about {2.0 * gap[2]:.2f} m "
-        f"through, and the robot holds one of {2.0 * radius:.2f} m."
-    )
+    found = reach(planner.checker, start, goal, infeasible=infeasible, over=over, seconds=seconds)
+    data = {"end": ENDS[found.end], "proof": found.proof, "text": f"{found.why[:1].upper()}{found.why[1:]}."}
+    if found.cells is not None:
+        data["text"] += f" All that it reaches lies in {len(found.cells.centers):,} cells of (x, y, heading)."
+        return {**data, "boxes": _boxes(found.cells)}
+    data["rings"] = [] if found.part is None else _rings(found.part, found.origin)
+    if found.proof is not None:
+        return {**data, "gap": found.gap, "radius": planner.checker.robot.inscribed_disc.radius}
+    return {**data, "text": "Where the middle of a disc inside the robot gets to from the start." if data["rings"] else ""}
 
 
 def _rings(part: Any, origin: FloatArray) -> list[list[list[float]]]:
@@ -114,44 +79,3 @@ def _boxes(proof: Enclosure) -> list[float]:
     share = np.bincount(which.ravel(), proof.extents[:, 2]) / np.pi
     corners = [cells[:, :2] - cells[:, 2:], cells[:, :2] + cells[:, 2:]]
     return np.round(np.column_stack([*corners, np.minimum(share, 1.0)]), 4).ravel().tolist()
-
-
-def _narrowest(
-    world: World, radius: float, centers: list[FloatArray], origin: FloatArray, over: Callable[[], bool]
-) -> list[float] | None:
-    """Return x, y and radius of the largest disc that gets from one point to another, where it is narrowest.
-
-    Of discs a little larger, what can be reached from the one and from the other nearly meets there. Nothing is in the
-    list if no disc gets there; None is returned if time was up too soon to tell.
-
-    Args:
-        world: obstacles, bounds, boundary.
-        radius: of a disc that does not get there, metres.
-        centers: the points, shape (2,) each.
-        origin: what regions are relative to, shape (2,).
-        over: whether time is up.
-    """
-
-    def sides(size: float) -> list[Any]:
-        parts = region_parts(world, size, origin=origin)
-        if len(parts) == 0:
-            return []
-        return [parts[int(np.argmin(shapely.distance(parts, shapely.Point(c - origin))))] for c in centers]
-
-    low, high, apart = 0.0, radius, list[Any]()
-    for halving in range(HALVINGS):
-        if over():
-            if halving < FEWEST:
-                return None
-            break
-        size = 0.5 * (low + high)
-        found = sides(size)
-        if found and found[0] is found[1]:
-            low = size
-        else:
-            high, apart = size, found
-    apart = apart or sides(high)
-    if low == 0.0 or not apart:
-        return []
-    place = shapely.get_coordinates(shapely.shortest_line(*apart)).mean(axis=0) + origin
-    return [round(float(v), 4) for v in (*place, low)]

@@ -182,7 +182,11 @@ class LowerBound:
     def seconds_for_region(self) -> float:
         """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
         begun = "_parts" in self.__dict__ or self.tangents is not None
-        return 0.0 if begun else GROWING.seconds(_work(self._size))
+        return 0.0 if begun else self.seconds_for_parts()
+
+    def seconds_for_parts(self) -> float:
+        """Return how long it is expected to take to make a disc's region in the whole world, whatever its radius."""
+        return GROWING.seconds(_work(self._size))
 
     def make_region(self) -> None:
         """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter."""

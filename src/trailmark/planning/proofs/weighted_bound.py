@@ -58,6 +58,10 @@ class WeightedBound:
         """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
         return self.plain.seconds_for_region()
 
+    def seconds_for_parts(self) -> float:
+        """Return how long it is expected to take to make a disc's region in the whole world, whatever its radius."""
+        return self.plain.seconds_for_parts()
+
     def make_region(self) -> None:
         """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter."""
         self.plain.make_region()
