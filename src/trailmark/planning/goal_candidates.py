@@ -15,7 +15,7 @@ from trailmark.goals import Goal
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.world_model import WorldModel
 from trailmark.robot import Robot
-from trailmark.se2 import FloatArray
+from trailmark.se2 import FloatArray, transform
 
 __all__ = ["Candidates"]
 
@@ -33,6 +33,9 @@ HEADINGS = 8
 
 APART = 0.38
 """Sine of half the angle by which headings differ at least between configurations at the same place: 45 degrees."""
+
+INNER, MOST_CELLS = 8, 20_000
+"""Discs inside the robot, and cells of a goal, that are looked at to prove that it is nowhere free."""
 
 MARGIN = 1e-6
 """Metres of overlap, more than rounding and than what counts as touching, that prove a place blocked."""
@@ -106,15 +109,39 @@ class Candidates:
         return motion.least_cost(*ends)
 
     def _is_blocked(self, goal: Goal) -> bool:
-        """Return whether the robot certainly collides wherever it is in a goal: what it covers everywhere does."""
-        center, reach = goal.disc
+        """Return whether the robot certainly collides wherever it is in a goal.
+
+        The goal is divided into cells of SE(2); in each, a disc inside the robot, less what it moves there, has to
+        collide. What is left is halved, until a configuration is free or there are too many cells.
+        """
         checker, robot = self.model.checker, self.model.checker.robot
-        radius = robot.reference_radius + robot.clearance - reach - MARGIN
-        if radius <= 0.0 or robot.reference_radius == 0.0:
-            return False
-        disc = build_footprint(Robot.disc(radius))
-        found = kernels.states_free(checker.grid, checker.field, disc, np.array([[*center, 0.0]]))
-        return bool(found[0] == kernels.BLOCKED)
+        about = (0.0, 0.0, robot.reference_radius + robot.clearance if robot.reference_radius > 0.0 else 0.0)
+        discs = np.vstack([about, checker.footprint.inner[:INNER]])
+        away = np.hypot(*discs[:, :2].T)
+        (center, half), (heading, turn) = goal.disc, goal.headings or (0.0, np.pi)
+        cells, taken = np.array([[*center, heading]]), 0
+        while len(cells) and (taken := taken + len(cells)) <= MOST_CELLS:
+            open_ = np.ones(len(cells), np.bool_)
+            for disc, far in zip(discs, away, strict=True):
+                radius = disc[2] - np.sqrt(2.0) * half - 2.0 * far * np.sin(0.5 * turn) - MARGIN
+                if radius > 0.0 and open_.any():
+                    places = np.column_stack([transform(cells[open_], disc[None, :2])[:, 0], cells[open_, 2]])
+                    found = kernels.states_free(checker.grid, checker.field, build_footprint(Robot.disc(radius)), places)
+                    open_[open_] = found != kernels.BLOCKED
+            cells = cells[open_]
+            if checker.states_free(cells[goal.contains(cells)]).any():
+                return False
+            if np.sqrt(2.0) * half >= 2.0 * away.max() * np.sin(0.5 * turn):
+                half *= 0.5
+                offsets = half * np.array([[-1, -1, 0], [-1, 1, 0], [1, -1, 0], [1, 1, 0]])
+            else:
+                turn *= 0.5
+                offsets = turn * np.array([[0, 0, -1], [0, 0, 1]])
+            if not offsets.any():
+                return len(cells) == 0
+            cells = (cells[:, None] + offsets).reshape(-1, 3)
+            cells = cells[goal.near_boxes(cells[:, :2], half)]
+        return len(cells) == 0
 
     def _take_configurations(self) -> None:
         """Take the goals that are one configuration each, as far as they are valid."""
@@ -141,7 +168,7 @@ class Candidates:
         if len(states):
             chosen = _spread(states, self._straight(states), 0.5 * goal.disc[1])
             self._add(states[chosen], np.full(len(chosen), i))
-        elif self._is_blocked(goal):
+        elif self._draws == 0 and self._is_blocked(goal):
             self.bounds[i] = np.inf
 
     def _add(self, states: FloatArray, of: NDArray[np.int64]) -> None:

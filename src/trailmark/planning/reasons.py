@@ -108,8 +108,8 @@ def _reasons(
             free, end = _free_end(model, state, each, deadline)
             if not free:
                 at = ", ".join(f"{v:.4g}" for v in end)
-                proven = "is free nowhere" if infeasible else "seems to be free nowhere"
-                yield f"{name} {proven}: at ({at}), where it lacks least, the robot {model.checker.fault(end)}"
+                nowhere = f"{name} is free nowhere" if infeasible else f"nothing free was found in {name}"
+                yield f"{nowhere}: even at ({at}) the robot {model.checker.fault(end)}"
                 continue
         if not over() and (fault := _way_fault(outside, state, end, infeasible, over, deadline)):
             found.setdefault(fault, []).append(name)

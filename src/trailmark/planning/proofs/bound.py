@@ -12,12 +12,13 @@ import shapely
 from trailmark import se2
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
+from trailmark.goals import Goal
 from trailmark.planning.grids.grid_tangents import GridTangents
 from trailmark.planning.pace import Pace
 from trailmark.planning.proofs.grown import QUARTER
 from trailmark.planning.proofs.mesh import Mesh, locate, triangulated
 from trailmark.planning.proofs.polyanya import shortest_point_path
-from trailmark.planning.proofs.region import ellipse, local_origin, region_parts
+from trailmark.planning.proofs.region import MARGIN, ellipse, local_origin, region_parts
 from trailmark.planning.proofs.separation import Separation
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
@@ -173,6 +174,24 @@ class LowerBound:
             turn = abs(float(se2.difference(start, goal)[2]))
             cost += max(0.0, se2.ROTATION_WEIGHT - offset) * turn
         return Bound(max(straight.cost, cost), path)
+
+    def shuts_out(self, start: FloatArray, goal: Goal) -> bool:
+        """Return whether it is proven that no path from a valid start, shape (3,), ends in a goal, at whatever heading.
+
+        What the disc's centre reaches is proven to be left by no path, and no place where it may be in the goal is near.
+        """
+        center, offset = self._center
+        a = se2.transform(start, center[None])[0]
+        place = shapely.Point(goal.disc[0]) if goal.region is None else goal.region.shapely()
+        place = shapely.transform(place, lambda points: points - self._origin)
+        for part in self._around(self._parts, a, a):
+            if part not in self._meshes:
+                self._meshes[part] = self._proven(self._parts[part])
+            mesh = self._meshes[part]
+            if mesh is not None and locate(mesh, a - self._origin) >= 0:
+                away = float(shapely.distance(self._parts[part], place))
+                return away > (goal.position_tolerance + offset) * (1.0 + ROUNDING) + MARGIN
+        return False
 
     def seconds(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> float:
         """Return how long :meth:`of` is expected to take."""
