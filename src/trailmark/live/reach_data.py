@@ -56,14 +56,16 @@ def reach_data(
         return perf_counter() > deadline or (stop is not None and stop())
 
     found = reach(planner.checker, start, goal, infeasible=infeasible, over=over, seconds=seconds)
-    data = {"end": ENDS[found.end], "proof": found.proof, "text": f"{found.why[:1].upper()}{found.why[1:]}."}
+    data: Reach = {"end": ENDS[found.end], "proof": found.proof, "text": f"{found.why[:1].upper()}{found.why[1:]}."}
     if found.cells is not None:
         data["text"] += f" All that it reaches lies in {len(found.cells.centers):,} cells of (x, y, heading)."
         return {**data, "boxes": _boxes(found.cells)}
-    data["rings"] = [] if found.part is None else _rings(found.part, found.origin)
+    if found.part is None:
+        return {**data, "text": "", "rings": []}
+    data["rings"] = _rings(found.part, found.origin)
     if found.proof is not None:
         return {**data, "gap": found.gap, "radius": planner.checker.robot.inscribed_disc.radius}
-    return {**data, "text": "Where the middle of a disc inside the robot gets to from the start." if data["rings"] else ""}
+    return {**data, "text": "Where the middle of a disc inside the robot gets to from the start."}
 
 
 def _rings(part: Any, origin: FloatArray) -> list[list[list[float]]]:

@@ -127,7 +127,7 @@ class GoalSearch:
         self.model, self.start, self.goals, self.clock = model, start, goals, clock
         self.motion, self.checker = model.motion, model.checker
         self._max_rounds, self._on_progress = max_rounds, on_progress
-        self.candidates = Candidates(model, start, goals)
+        self.candidates = Candidates(model, start, goals, clock)
         self.best = GoalIncumbent(model, start, goals, self.candidates.bounds, clock, gap, on_progress)
         self._proven = np.zeros(len(goals), np.bool_)
         self._guides: dict[tuple[int, bool, float], CostToGo] = {}

@@ -73,8 +73,8 @@ class Ways:
     def parts(self, radius: float) -> list[Any]:
         """Return the polygons from which a disc's centre gets from each end, the same twice if there is a way.
 
-        By rounding, or because the disc is larger than the robot's, an end may lie outside: the nearest counts. The list
-        is empty if the disc fits nowhere.
+        By rounding, or because the disc is larger than the robot's, an end may lie outside: the nearest counts. The
+        list is empty if the disc fits nowhere.
         """
         parts = region_parts(self.world, radius, origin=self.origin)
         if len(parts) == 0:
@@ -200,8 +200,8 @@ def narrow_clause(ways: Ways) -> str:
     if not gap:
         return ""
     return (
-        f"; the widest way lets a disc of about {2.0 * gap[2]:.2f} m through {_at(gap)}, and the robot is {width:.2f} m "
-        f"wide where it is narrowest{_kept(ways.checker.robot)}"
+        f"; the widest way lets a disc of about {2.0 * gap[2]:.2f} m through {_at(gap)}, and the robot is "
+        f"{width:.2f} m wide where it is narrowest{_kept(ways.checker.robot)}"
     )
 
 

@@ -133,7 +133,7 @@ def _way_fault(
 
 
 def _free_end(model: WorldModel, start: FloatArray, goal: Goal, deadline: float) -> tuple[bool, FloatArray]:
-    """Return whether a free configuration of a goal is found, and that, or else the one that lacks least, shape (3,)."""
+    """Return whether a free configuration of a goal is found, and that, or the one that overlaps least, shape (3,)."""
     if goal.configuration is not None:
         states = np.array([goal.configuration])
     else:

@@ -36,7 +36,7 @@ PROBE_SHARE = 0.25
 def answer_in_turn(
     model: WorldModel, start: ArrayLike, goal: Ends, seconds: float, *, relax: bool = False, **options: Any
 ) -> PlanResult:
-    """Return the answer to one query, relaxed or not, with why there is none; those that let the roadmap grow take turns."""
+    """Return the answer to one query, relaxed or not; those that let the roadmap grow take turns."""
     with model.shared.lock:
         if relax and model.checker.robot.clearance > 0.0:
             return answer_relaxed(model, start, goal, seconds, **options)

@@ -176,9 +176,9 @@ class LowerBound:
         return Bound(max(straight.cost, cost), path)
 
     def shuts_out(self, start: FloatArray, goal: Goal) -> bool:
-        """Return whether it is proven that no path from a valid start, shape (3,), ends in a goal, at whatever heading.
+        """Return whether it is proven that no path from a valid start, shape (3,), ends anywhere in a goal.
 
-        What the disc's centre reaches is proven to be left by no path, and no place where it may be in the goal is near.
+        No path leads the disc's centre out of a region, and wherever it may be in the goal lies outside of that.
         """
         center, offset = self._center
         a = se2.transform(start, center[None])[0]

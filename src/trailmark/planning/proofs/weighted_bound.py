@@ -60,7 +60,7 @@ class WeightedBound:
         return self.plain.seconds_for_region()
 
     def shuts_out(self, start: FloatArray, goal: Goal) -> bool:
-        """Return whether it is proven that no path from a valid start, shape (3,), ends in a goal, at whatever heading."""
+        """Return whether it is proven that no path from a valid start, shape (3,), ends anywhere in a goal."""
         return self.plain.shuts_out(start, goal)
 
     def seconds_for_parts(self) -> float:
