@@ -216,7 +216,7 @@ class FakePlanner:
             }
 
         history = () if path is None else ((0.25, path.cost),)
-        kept = {"clearance": 0.0, "clearance_bound": None, "goal": None, "objective": None}
+        kept: dict[str, Any] = {"clearance": 0.0, "clearance_bound": None, "goal": None, "objective": None}
         kept["reason"] = "" if path is not None else "shut in at the start"
         found = kept | {"status": self.status, "path": path, "seed": seed, "time": times, "history": history}
         return SimpleNamespace(**found, lower_bound=None, to_dict=to_dict)

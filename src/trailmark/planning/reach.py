@@ -126,7 +126,7 @@ class Ways:
             for end, distance in enumerate(away or (np.inf, np.inf)):
                 if distance > END_ZONE:
                     return f"the robot fits only in contact at the {ENDS[end]}"
-        if not found or found[0] is found[1] or self.over():
+        if not found or found[0] is found[1]:
             return ""
         place = self._between(found)
         width = 2.0 * self._room(place)

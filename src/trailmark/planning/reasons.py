@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -99,18 +99,17 @@ def _reasons(
         return perf_counter() + region > deadline or (stop is not None and stop())
 
     several = () if goals is None else goals
+    ends: Sequence[FloatArray | Goal]
     ends = [se2.configurations(goal)] if goals is None else several[:NAMED]  # type: ignore[arg-type]  # an array then
     found: dict[str, list[str]] = {}
     for i, each in enumerate(ends):
         name = "the goal" if len(several) <= 1 else f"goal {i}"
-        end = each
-        if isinstance(each, Goal):
-            free, end = _free_end(model, state, each, deadline)
-            if not free:
-                at = ", ".join(f"{v:.4g}" for v in end)
-                nowhere = f"{name} is free nowhere" if infeasible else f"nothing free was found in {name}"
-                yield f"{nowhere}: even at ({at}) the robot {model.checker.fault(end)}"
-                continue
+        free, end = _free_end(model, state, each, deadline) if isinstance(each, Goal) else (True, each)
+        if not free:
+            at = ", ".join(f"{v:.4g}" for v in end)
+            nowhere = f"{name} is free nowhere" if infeasible else f"nothing free was found in {name}"
+            yield f"{nowhere}: even at ({at}) the robot {model.checker.fault(end)}"
+            continue
         if not over() and (fault := _way_fault(outside, state, end, infeasible, over, deadline)):
             found.setdefault(fault, []).append(name)
     for fault, names in found.items():
