@@ -23,6 +23,9 @@ __all__ = ["Ends", "Goal", "ReachedGoal", "goals_of"]
 INWARDS = (0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1.0)
 """Shares by which a point on the rim of a region is moved towards its middle, until it lies inside despite rounding."""
 
+NEARLY = 1e-9
+"""Metres by which a position may lie beside a square and still count as in it, despite rounding."""
+
 FLAT = 1e-12
 """Share of the largest triangle's area below which one counts as flat."""
 
@@ -163,6 +166,21 @@ class Goal:
         if headings is not None and inside.any():
             inside = inside & (np.abs(se2.wrap(states[..., 2] - headings[0])) <= headings[1])
         return np.asarray(inside)
+
+    def near_boxes(self, middle: FloatArray, half: float) -> NDArray[np.bool_]:
+        """Return which squares hold positions of the goal, shape (n,): all that do, and those that nearly do.
+
+        Args:
+            middle: of each, shape (n, 2).
+            half: an edge's, metres.
+        """
+        if self.region is None:
+            off = np.maximum(np.abs(middle - self.disc[0]) - half, 0.0)
+            return np.asarray(np.hypot(*off.T) <= self.position_tolerance + NEARLY)
+        import shapely
+
+        boxes = shapely.box(*(middle - half - NEARLY).T, *(middle + half + NEARLY).T)
+        return np.asarray(shapely.intersects(self.region.shapely(), boxes))
 
     def nearest(self, q: ArrayLike) -> FloatArray:
         """Return the goal's configurations of the nearest position and the nearest heading to others, shape (n, 3)."""

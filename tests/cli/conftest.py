@@ -161,11 +161,13 @@ class FakePlanner:
         status: what the next plan comes to.
         calls: keyword by keyword, what the shell asked for.
         action: called while planning.
+        stop: what the last plan was given to ask.
     """
 
     status = "solved"
     calls: list[dict[str, Any]]
     action: Callable[[], None]
+    stop: Callable[[], bool]
 
     def __init__(self, world: Any, robot: Any, **asked: Any) -> None:
         self.asked = {"world": world, "robot": robot, **asked}
@@ -176,10 +178,13 @@ class FakePlanner:
             configurations=at, edges=edges, status=status, certified=status == 1, motion=motion
         )
 
-    def plan(self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None, **others: Any) -> Any:
+    def plan(
+        self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None, stop: Any = None, **others: Any
+    ) -> Any:
         type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit})
         if start[0] < 0:
             raise ConfigurationError(f"start {start} is out of bounds by {-start[0]:g} m")
+        type(self).stop = staticmethod(stop)
         for cost in (None, 12.0):
             on_progress(SimpleNamespace(elapsed=0.1, landmarks=3, cost=cost, phase="planning"))
         type(self).action()
@@ -196,6 +201,7 @@ class FakePlanner:
                 "query": query,
                 "planner": "landmark",
                 "status": self.status,
+                "reason": kept["reason"],
                 "seed": seed,
                 "states": [] if path is None else path.states.tolist(),
                 "cost": path and path.cost,
@@ -210,7 +216,8 @@ class FakePlanner:
             }
 
         history = () if path is None else ((0.25, path.cost),)
-        kept = {"clearance": 0.0, "clearance_bound": None, "goal": None, "objective": None}
+        kept: dict[str, Any] = {"clearance": 0.0, "clearance_bound": None, "goal": None, "objective": None}
+        kept["reason"] = "" if path is not None else "shut in at the start"
         found = kept | {"status": self.status, "path": path, "seed": seed, "time": times, "history": history}
         return SimpleNamespace(**found, lower_bound=None, to_dict=to_dict)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from collections.abc import Callable
 from math import pi
 from pathlib import Path
@@ -164,12 +165,12 @@ def test_summary_says_what_was_found_and_written(shell: Shell, yard: Path, plann
 
 
 @pytest.mark.parametrize(
-    ("status", "verdict"), [("timeout", "no path found within 0.5 s"), ("infeasible", "infeasible: no path exists")]
+    ("status", "verdict"), [("timeout", "no path found"), ("infeasible", "infeasible: no path exists")]
 )
 def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: str, verdict: str) -> None:
     planner.status = status
     run = shell("plan", yard, "--time-limit", "0.5")
-    assert run.out.startswith(f"yard · across: {verdict}\n")
+    assert run.out.startswith(f"yard · across: {verdict}: shut in at the start\n")
     assert "cost" not in run.out
     assert "3 landmarks" in run.out
 
@@ -302,6 +303,23 @@ def test_an_interrupt_is_one_line_and_leaves_the_old_file(
     assert run.problem == "interrupted"
     assert (tmp_path / "path.json").read_text() == old
     assert sorted(file.name for file in tmp_path.iterdir()) == ["path.json", "yard.yaml"]
+
+
+@pytest.mark.parametrize("status", ["solved", "timeout"])
+def test_ctrl_c_ends_planning_and_keeps_the_best_path(
+    shell: Shell, yard: Path, planner: Any, tmp_path: Path, status: str
+) -> None:
+    def press() -> None:
+        assert not planner.stop()
+        signal.raise_signal(signal.SIGINT)
+        assert planner.stop()
+
+    planner.action, planner.status = staticmethod(press), status
+    run = shell("plan", yard, "--output", tmp_path / "path.json", "--json")
+    assert (run.status, run.err) == (130, "trailmark: error: interrupted\n")
+    record = json.loads(run.out)
+    assert (record["status"], record["reason"] == "") == (status, status == "solved")
+    assert json.loads((tmp_path / "path.json").read_text()) == record
 
 
 def test_programming_errors_keep_their_traceback(shell: Shell, yard: Path, planner: Any) -> None:

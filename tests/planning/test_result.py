@@ -22,6 +22,7 @@ def test_a_solved_result() -> None:
         "query": "door",
         "planner": "landmark",
         "status": "solved",
+        "reason": "",
         "seed": 7,
         "states": [[0.0, 0.0, 0.0], [3.0, 4.0, 1.0], [3.0, 4.0, -1.0]],
         "cost": 6.5,

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -149,7 +153,8 @@ def plan(
 ) -> None:
     """Plan a path, and write, draw or print it.
 
-    Exit status: 0 path found, 2 bad input, 3 no path within the time limit, 4 proven that there is none.
+    Exit status: 0 path found, 2 bad input, 3 no path within the time limit, 4 proven that there is none, 130 Ctrl-C,
+    after which the best path so far is written and printed.
     """
     # Planning multiplies no matrices that would be worth sharing out: starting the threads takes longer, a tenth of a
     # second. OpenBLAS asks once, when numpy is imported.
@@ -182,7 +187,7 @@ def plan(
     outputs = (path_file, picture, timing.table, timing.animation)
     if smooth and probability is not None:
         raise UsageError(f"expected --smooth or --confidence, got both (--confidence {confidence!r})")
-    shown = read_layers(layers, plot)
+    shown, asked = read_layers(layers, plot), Event()
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
@@ -219,7 +224,11 @@ def plan(
                 objective=charges(body),
             )
             progress.stage("planning", seconds)
-            return planner, planner.plan(a, b, time_limit=seconds, on_progress=follow, max_iterations=rounds, gap=share)
+            with _stopping(asked):
+                result = planner.plan(
+                    a, b, time_limit=seconds, on_progress=follow, max_iterations=rounds, gap=share, stop=asked.is_set
+                )
+            return planner, result
 
         risk: dict[str, Any] | None = None
         if probability is None:
@@ -253,8 +262,29 @@ def plan(
     if as_json:
         console.say(console.json_text(record))
     else:
-        _print_summary(record, result, limit, written)
+        _print_summary(record, result, written)
+    if asked.is_set():
+        raise KeyboardInterrupt
     raise typer.Exit(EXIT_STATUS[result.status])
+
+
+@contextmanager
+def _stopping(asked: Event) -> Iterator[None]:
+    """Have Ctrl-C ask for an end, instead of being one; pressed again, it is."""
+    before = signal.getsignal(signal.SIGINT)
+
+    def ask(number: int, frame: object) -> None:
+        asked.set()
+        signal.signal(signal.SIGINT, before)
+
+    if not callable(before):  # nohup: it stays ignored
+        yield
+        return
+    signal.signal(signal.SIGINT, ask)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _write_path(
@@ -274,15 +304,16 @@ def _write_path(
     return True
 
 
-def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, written: list[Path]) -> None:
+def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Path]) -> None:
     kept = result.clearance
     title = record["world"] if record["query"] is None else f"{record['world']} · {record['query']}"
     verdict, colour = {
         "solved": ("path found", "green"),
-        "timeout": (f"no path found within {limit:g} s", "yellow"),
+        "timeout": ("no path found", "yellow"),
         "infeasible": (f"infeasible: no path {f'keeps {kept:g} m' if kept else 'exists'}", "red"),
     }[record["status"]]
-    console.say(f"{title}: {verdict}", fg=colour, bold=True)
+    reason = f": {result.reason}" if result.reason else ""
+    console.say(f"{title}: {verdict}{reason}", fg=colour, bold=True)
     seconds = record["time"]
     rows = []
     if result.path is not None:

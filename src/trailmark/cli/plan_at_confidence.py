@@ -100,5 +100,14 @@ def plan_at_confidence(
     result = replace(result, lower_bound=None, time=seconds)
     if spent.risk is None:
         # The last path, if there is one, risks too much. Nor is it proven that none risks little enough.
-        result = replace(result, status="timeout", path=None, first_cost=None, min_clearance=None, history=())
+        risky = f"no path was found that meets a true obstacle with probability {1.0 - confidence:.2g} at most"
+        result = replace(
+            result,
+            status="timeout",
+            path=None,
+            first_cost=None,
+            min_clearance=None,
+            history=(),
+            reason=result.reason or risky,
+        )
     return Answer(grown, planner, result, risk)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from math import cos, sin
 from typing import Any, Literal, overload
@@ -16,7 +16,7 @@ from trailmark import se2
 from trailmark.arguments import brief, number, one_of
 from trailmark.collision import certify, kernels
 from trailmark.collision.cells import Cells
-from trailmark.collision.explain import invalid_reason
+from trailmark.collision.explain import invalid_reason, worst_overlap
 from trailmark.collision.fcl_scene import FclScene
 from trailmark.collision.field import ClearanceField, build_field
 from trailmark.collision.footprint import Footprint, build_footprint
@@ -268,6 +268,25 @@ class StateChecker:
         if kept > 0.0 and bare.valid(q):
             return f"has a clearance of {self.clearance(q):.6g} m there, less than the {kept:g} m that it is to keep"
         return invalid_reason(self.world, self.robot, q)
+
+    def nearest_to_valid(self, states: se2.FloatArray, over: Callable[[], bool]) -> se2.FloatArray:
+        """Return, of configurations (n, 3) that are not valid, the one that lacks least of it, shape (3,).
+
+        Args:
+            states: n >= 1.
+            over: asked whether to look at no more of them.
+        """
+        room = self.clearance(states, cap=max(self.robot.clearance, 1e-9))
+        if room.max() > 0.0:
+            return np.array(states[np.argmax(room)])
+        best, least = states[0], np.inf
+        for state in states:
+            depth = worst_overlap(self.world, self.robot, state)[0]
+            if depth < least:
+                best, least = state, depth
+            if over():
+                break
+        return np.array(best)
 
     def require_for(self, world: World, robot: Robot | None = None) -> None:
         """Raise unless this checker is for a world and, where one is given, a robot: its answers would be wrong.

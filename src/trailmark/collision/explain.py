@@ -13,7 +13,7 @@ from trailmark.shapes import Disc, Shape
 from trailmark.world import Robot, World
 from trailmark.zones import KEEP_OUT
 
-__all__ = ["invalid_reason", "overlaps"]
+__all__ = ["invalid_reason", "overlaps", "worst_overlap"]
 
 
 def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
@@ -22,26 +22,31 @@ def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
     Bounds come first, then the boundary, then the obstacle with the largest overlap. The overlap of two polygons is
     how far a corner of their common region lies behind the obstacle's edge, or that region's width if larger.
     """
+    return worst_overlap(world, robot, q)[1]
+
+
+def worst_overlap(world: World, robot: Robot, q: se2.FloatArray) -> tuple[float, str]:
+    """Return by how much (metres) an invalid configuration is so, and :func:`invalid_reason`."""
     body, radius = _placed(robot, q)
     (xmin, ymin, xmax, ymax), (left, low, right, high) = world.bounds, body.bounds
     beyond = {"left": xmin - left, "lower": ymin - low, "right": right - xmax, "upper": high - ymax}
     side = max(beyond, key=lambda name: beyond[name])
     if beyond[side] + radius > TOUCHING_TOLERANCE:
-        return f"reaches {beyond[side] + radius:.3g} m over the {side} bound"
+        return beyond[side] + radius, f"reaches {beyond[side] + radius:.3g} m over the {side} bound"
     if world.boundary is not None:
         free = world.boundary.shapely()
         edge = shapely.boundary(free)
         depth = _depth_in_complement(body, free, edge, radius)
         if depth > TOUCHING_TOLERANCE:
-            return f"reaches {depth:.3g} m over the boundary"
+            return depth, f"reaches {depth:.3g} m over the boundary"
     depths = overlaps(world, robot, q)
     if len(depths) and depths.max() > 0.0:
         worst = int(np.argmax(depths))
         kind = type(world.obstacles[worst]).__name__.lower()
         name = world.ids[worst] if world.ids and world.ids[worst] is not None else worst
         what = name if str(name).startswith(KEEP_OUT) else f"obstacle {name} ({kind})"
-        return f"overlaps {what} by {depths[worst]:.3g} m"
-    return "touches an obstacle within rounding"
+        return float(depths[worst]), f"overlaps {what} by {depths[worst]:.3g} m"
+    return 0.0, "touches an obstacle within rounding"
 
 
 def overlaps(world: World, robot: Robot, q: se2.FloatArray) -> se2.FloatArray:

@@ -222,7 +222,7 @@ class Session:
         result: PlanResult
         if message.type == "replan" and self._path is not None:
             replanned = planner.replan(query.start, query.goal, self._path, seconds, escape=True)
-            extras, result = {"kept": replanned.kept, "reason": replanned.reason}, replanned
+            extras, result = {"kept": replanned.kept}, replanned
         else:
             better = _BetterPaths(lambda progress: self._tell(self._progress(message, planner, query, progress)))
             result = planner.plan(query.start, query.goal, seconds, stop=stop.is_set, on_progress=better.look)
@@ -233,7 +233,8 @@ class Session:
         """Return the answer to a plan that a newer one took the place of before it began."""
         from trailmark.planning import PlanResult
 
-        result = PlanResult("timeout", None, self._seed, None, None, None, landmarks=0, edges=0)
+        reason = "a newer plan took its place"
+        result = PlanResult("timeout", None, self._seed, None, None, None, landmarks=0, edges=0, reason=reason)
         times = dict.fromkeys(("load", "build", "first_solution", "total"))
         return {"type": "path", "id": message.id, "final": True, **self._record(result), "time": times}
 

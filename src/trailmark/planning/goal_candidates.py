@@ -13,9 +13,10 @@ from trailmark.collision import kernels
 from trailmark.collision.footprint import build_footprint
 from trailmark.goals import Goal
 from trailmark.planning.lattice.cost_to_go import CostToGo
+from trailmark.planning.query import Clock
 from trailmark.planning.world_model import WorldModel
 from trailmark.robot import Robot
-from trailmark.se2 import FloatArray
+from trailmark.se2 import FloatArray, transform
 
 __all__ = ["Candidates"]
 
@@ -34,6 +35,10 @@ HEADINGS = 8
 APART = 0.38
 """Sine of half the angle by which headings differ at least between configurations at the same place: 45 degrees."""
 
+INNER, FEW_CELLS, MOST_CELLS = 8, 1, 20_000
+"""Discs inside the robot, and cells of a goal, that are looked at to prove that it is nowhere free: at first, while
+there may be a path to another goal, and once nothing else is left to try."""
+
 MARGIN = 1e-6
 """Metres of overlap, more than rounding and than what counts as touching, that prove a place blocked."""
 
@@ -45,6 +50,7 @@ class Candidates:
         model: of the world.
         start: valid, shape (3,).
         goals: of the query.
+        clock: of the query.
 
     Attributes:
         ends: configurations that may be planned to, valid, shape (m, 3).
@@ -58,8 +64,8 @@ class Candidates:
         ConfigurationError: each goal is one configuration, and none is valid.
     """
 
-    def __init__(self, model: WorldModel, start: FloatArray, goals: tuple[Goal, ...]) -> None:
-        self.model, self.start, self.goals = model, start, goals
+    def __init__(self, model: WorldModel, start: FloatArray, goals: tuple[Goal, ...], clock: Clock) -> None:
+        self.model, self.start, self.goals, self.clock = model, start, goals, clock
         self.charges = np.array([goal.cost for goal in goals])
         self.bounds = np.array([self._least_cost(goal) for goal in goals]) + self.charges
         self.ends, self.of = np.empty((0, 3)), np.empty(0, np.int64)
@@ -91,7 +97,10 @@ class Candidates:
         several = [i for i, goal in enumerate(self.goals) if goal.configuration is None and np.isfinite(self.bounds[i])]
         self._draws += 1
         for i in several:
-            self._draw(i, MANY_DRAWN)
+            if self._draws == 1 and i not in self.of and self._is_blocked(self.goals[i], MOST_CELLS):
+                self.bounds[i] = np.inf
+            else:
+                self._draw(i, MANY_DRAWN)
         return bool(several) and self._draws < MAX_DRAWS
 
     def _least_cost(self, goal: Goal) -> float:
@@ -105,16 +114,42 @@ class Candidates:
             ends[:, 2] = atan2(ends[1, 1] - ends[0, 1], ends[1, 0] - ends[0, 0])
         return motion.least_cost(*ends)
 
-    def _is_blocked(self, goal: Goal) -> bool:
-        """Return whether the robot certainly collides wherever it is in a goal: what it covers everywhere does."""
-        center, reach = goal.disc
+    def _is_blocked(self, goal: Goal, most: int) -> bool:
+        """Return whether the robot certainly collides wherever it is in a goal.
+
+        The goal is divided into cells of SE(2); in each, a disc inside the robot, less what it moves there, has to
+        collide. What is left is halved, until a configuration is free or there would be more than ``most`` cells.
+        """
         checker, robot = self.model.checker, self.model.checker.robot
-        radius = robot.reference_radius + robot.clearance - reach - MARGIN
-        if radius <= 0.0 or robot.reference_radius == 0.0:
-            return False
-        disc = build_footprint(Robot.disc(radius))
-        found = kernels.states_free(checker.grid, checker.field, disc, np.array([[*center, 0.0]]))
-        return bool(found[0] == kernels.BLOCKED)
+        about = (0.0, 0.0, robot.reference_radius + robot.clearance if robot.reference_radius > 0.0 else 0.0)
+        discs = np.vstack([about, checker.footprint.inner[:INNER]])
+        away = np.hypot(*discs[:, :2].T)
+        (center, half), (heading, turn) = goal.disc, goal.headings or (0.0, np.pi)
+        cells, taken = np.array([[*center, heading]]), 0
+        while len(cells) and (taken := taken + len(cells)) <= most:
+            open_ = np.ones(len(cells), np.bool_)
+            for disc, far in zip(discs, away, strict=True):
+                radius = disc[2] - np.sqrt(2.0) * half - 2.0 * far * np.sin(0.5 * turn) - MARGIN
+                if self.clock.is_up():
+                    return False
+                if radius > 0.0 and open_.any():
+                    places = np.column_stack([transform(cells[open_], disc[None, :2])[:, 0], cells[open_, 2]])
+                    inside = build_footprint(Robot.disc(radius))
+                    open_[open_] = kernels.states_free(checker.grid, checker.field, inside, places) != kernels.BLOCKED
+            cells = cells[open_]
+            if checker.states_free(cells[goal.contains(cells)]).any():
+                return False
+            if np.sqrt(2.0) * half >= 2.0 * away.max() * np.sin(0.5 * turn):
+                half *= 0.5
+                offsets = half * np.array([[-1, -1, 0], [-1, 1, 0], [1, -1, 0], [1, 1, 0]])
+            else:
+                turn *= 0.5
+                offsets = turn * np.array([[0, 0, -1], [0, 0, 1]])
+            if not offsets.any():
+                return len(cells) == 0
+            cells = (cells[:, None] + offsets).reshape(-1, 3)
+            cells = cells[goal.near_boxes(cells[:, :2], half)]
+        return len(cells) == 0
 
     def _take_configurations(self) -> None:
         """Take the goals that are one configuration each, as far as they are valid."""
@@ -141,7 +176,7 @@ class Candidates:
         if len(states):
             chosen = _spread(states, self._straight(states), 0.5 * goal.disc[1])
             self._add(states[chosen], np.full(len(chosen), i))
-        elif self._is_blocked(goal):
+        elif self._draws == 0 and self._is_blocked(goal, FEW_CELLS):
             self.bounds[i] = np.inf
 
     def _add(self, states: FloatArray, of: NDArray[np.int64]) -> None:

@@ -73,11 +73,15 @@ class GoalIncumbent:
 
     @property
     def close_enough(self) -> bool:
-        """Whether the best path is proven to be within the gap."""
+        """Whether the best path is proven to be within the gap, or that there is none."""
+        if self.path is None:
+            return not np.isfinite(self.lower_bound)
         return self.cost <= (1.0 + self.gap) * self.lower_bound + 1e-9
 
     def better(self) -> NDArray[np.bool_]:
         """Return for each goal whether a path there may be better than the best by more than the gap, shape (g,)."""
+        if self.path is None:
+            return np.isfinite(self.bounds)
         return np.asarray(self.cost > (1.0 + self.gap) * self.bounds + 1e-9)
 
     def settle(self, states: FloatArray, i: int, end: FloatArray) -> None:

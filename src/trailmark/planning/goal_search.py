@@ -127,7 +127,7 @@ class GoalSearch:
         self.model, self.start, self.goals, self.clock = model, start, goals, clock
         self.motion, self.checker = model.motion, model.checker
         self._max_rounds, self._on_progress = max_rounds, on_progress
-        self.candidates = Candidates(model, start, goals)
+        self.candidates = Candidates(model, start, goals, clock)
         self.best = GoalIncumbent(model, start, goals, self.candidates.bounds, clock, gap, on_progress)
         self._proven = np.zeros(len(goals), np.bool_)
         self._guides: dict[tuple[int, bool, float], CostToGo] = {}
@@ -254,7 +254,7 @@ class GoalSearch:
             self.best.bounds[i] = max(self.best.bounds[i], bound)
         if result.status != "timeout":
             self.candidates.attempts[k] = np.inf
-        if result.status == "infeasible" and self._turns_in_place(i):
+        if result.status == "infeasible" and (self._turns_in_place(i) or self._is_shut_out(i)):
             self.best.bounds[i] = np.inf
         if result.path is not None:
             self.best.settle(vertices_of(self.motion, result.path), i, end)
@@ -271,6 +271,12 @@ class GoalSearch:
         return self.motion.moves_anywhere and bool(
             self.motion.motions_between_valid(turned, np.roll(turned, -1, axis=0)).all()
         )
+
+    def _is_shut_out(self, i: int) -> bool:
+        """Return whether it is proven that a disc inside the robot gets nowhere in a goal."""
+        bound = self.model.bound
+        soon = bound.seconds_for_parts() < PROOF_SHARE * self.clock.seconds_left()
+        return soon and bound.shuts_out(self.start, self.goals[i])
 
     def _answer(self, end: FloatArray, i: int, seconds: float, known: FloatArray | None, gap: float) -> PlanResult:
         """Return the answer to the query for one configuration, and note how its paths got better."""

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -110,7 +111,8 @@ def answer_queries(
         left, nodes = seconds_left(), len(model.shared.roadmap)
         if left <= 0.0:
             nothing = Incumbent(model.motion, start, goal, perf_counter())
-            results[i] = verification.result(nothing, "timeout", None, model.shared.roadmap, 0.0)
+            result = verification.result(nothing, "timeout", None, model.shared.roadmap, 0.0)
+            results[i] = replace(result, reason="the time of all queries was up before this one's turn")
             continue
         results[i] = plan(start, sets.get(i, goal), min(time_limit, left))
         model.shared.learnt |= len(model.shared.roadmap) > nodes

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from trailmark.errors import ConfigurationError
 from trailmark.goals import Ends, goals_of
 from trailmark.planning.answer import answer
+from trailmark.planning.reasons import explained
 from trailmark.planning.result import PlanResult
 from trailmark.planning.world_model import WorldModel, zones_at
 
@@ -36,9 +37,12 @@ def answer_in_turn(
     model: WorldModel, start: ArrayLike, goal: Ends, seconds: float, *, relax: bool = False, **options: Any
 ) -> PlanResult:
     """Return the answer to one query, relaxed or not; those that let the roadmap grow take turns."""
-    solve = answer_relaxed if relax and model.checker.robot.clearance > 0.0 else answer
     with model.shared.lock:
-        return solve(model, start, goal, seconds, **options)
+        if relax and model.checker.robot.clearance > 0.0:
+            return answer_relaxed(model, start, goal, seconds, **options)
+        begin = perf_counter()
+        result = answer(model, start, goal, seconds, **options)
+        return explained(model, start, goal, result, begin, seconds, **options)
 
 
 def answer_relaxed(model: WorldModel, start: ArrayLike, goal: Ends, time_limit: float, **options: Any) -> PlanResult:
@@ -88,7 +92,9 @@ def answer_relaxed(model: WorldModel, start: ArrayLike, goal: Ends, time_limit: 
             break
     # The first path is known to its roadmap.
     left = begin + time_limit - perf_counter()
-    result = answer(best or model.keeping(0.0), start, goal, max(left, LEAST_TIME), **options)
+    last = best or model.keeping(0.0)
+    result = answer(last, start, goal, max(left, LEAST_TIME), **options)
+    result = explained(last, start, goal, result, begin, time_limit, **options)
     time = {**result.time, "total": perf_counter() - begin, "first_solution": first_time}
     return replace(result, clearance_bound=bound, time=time)
 

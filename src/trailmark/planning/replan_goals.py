@@ -15,6 +15,7 @@ from trailmark.goals import Ends, Goal, ReachedGoal, goals_of
 from trailmark.path import Path
 from trailmark.planning.answer import answer
 from trailmark.planning.models import WorldModels
+from trailmark.planning.reasons import explained
 from trailmark.planning.replan_query import ReplanOptions, answer_replan
 from trailmark.planning.replanning import MIN_SECONDS, as_replan
 from trailmark.planning.result import ReplanResult
@@ -60,4 +61,6 @@ def _planned(
     with model.shared.lock:
         # A first path will do, unless there is time for better ones.
         gap = 0.0 if options.improvement > 0.0 else np.inf
-        return as_replan(answer(model, start, goals, seconds, gap=gap), reason)
+        begin = perf_counter()
+        result = answer(model, start, goals, seconds, gap=gap)
+        return as_replan(explained(model, start, goals, result, begin, seconds), reason)

@@ -18,6 +18,7 @@ from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.placement import Placement
 from trailmark.planning.query import Clock, Query
+from trailmark.planning.reasons import explained
 from trailmark.planning.rest import Rest, rest_of
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.roadmap_lookup import RoadmapLookup
@@ -134,7 +135,9 @@ class Replanner:
     def _planned(self, known: FloatArray | None) -> PlanResult:
         """Return what planning the whole query gives, beginning with a path if there is one."""
         seconds = self.seconds_left() if known is None else self.improvement
-        return answer_query(self.model, self.start, self.goal, max(seconds, MIN_SECONDS), known=known)
+        begin, seconds = perf_counter(), max(seconds, MIN_SECONDS)
+        result = answer_query(self.model, self.start, self.goal, seconds, known=known)
+        return explained(self.model, self.start, self.goal, result, begin, seconds)
 
     def kept(self, rest: Rest) -> ReplanResult | None:
         """Return the rest of the path, if what was looked at now passes the final check as well."""
@@ -354,8 +357,10 @@ class Replanner:
 def as_replan(result: PlanResult, reason: str) -> ReplanResult:
     """Return a result with why the path is not the rest of the one that was given."""
     if result.path is None:
-        reason += ", and no other was found in time" if result.status == "timeout" else ", and there is no other"
-    return ReplanResult(**{field.name: getattr(result, field.name) for field in fields(PlanResult)}, reason=reason)
+        reason += ", and no other was found" if result.status == "timeout" else ", and there is no other"
+        reason += f": {result.reason}" if result.reason else ""
+    values = {field.name: getattr(result, field.name) for field in fields(PlanResult)}
+    return ReplanResult(**values | {"reason": reason})
 
 
 def place_before(model: WorldModel, a: FloatArray, b: FloatArray, *, reverse: bool) -> FloatArray | None:

@@ -68,6 +68,8 @@ class PlanResult(Shown):
         robot: what was planned for.
         start: configuration (x, y, theta).
         target: where it was to go: a configuration, or goals.
+        reason: why there is no path: which end is at fault and what it overlaps by how much, where the robot is shut in
+            and how wide the widest way is, or what ended the search, as far as there was time to tell; empty if solved.
     """
 
     status: Status
@@ -91,6 +93,7 @@ class PlanResult(Shown):
     robot: Robot | None = field(default=None, repr=False, compare=False)
     start: tuple[float, float, float] | None = field(default=None, repr=False, compare=False)
     target: Any = field(default=None, repr=False, compare=False)
+    reason: str = ""
 
     def __repr__(self) -> str:
         facts = [str(self.status), *([] if self.path is None else [repr(self.path)])]
@@ -128,6 +131,7 @@ class PlanResult(Shown):
             "query": query,
             "planner": "landmark",
             "status": self.status,
+            "reason": self.reason,
             **({} if self.goal is None else {"goal": self.goal.to_dict()}),
             "seed": self.seed,
             "states": [] if path is None else path.states.tolist(),
@@ -155,12 +159,11 @@ class ReplanResult(PlanResult):
 
     Attributes:
         kept: whether the path is the rest of the one that was given.
-        reason: why it was kept or replaced, or why there is none, in a few words.
+        reason: why it was kept or replaced, or why there is none.
         escape: motions between the path's first states that only lead out of an obstacle, or of keep-out zones, that
             the robot stands in: they are not free, and nowhere along them is it deeper in it than before. On the way
             out of an obstacle one-way zones are left aside.
     """
 
     kept: bool = False
-    reason: str = ""
     escape: int = 0

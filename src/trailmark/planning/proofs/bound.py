@@ -13,12 +13,13 @@ import shapely
 from trailmark import se2
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
+from trailmark.goals import Goal
 from trailmark.planning.grids.grid_tangents import GridTangents
 from trailmark.planning.pace import Pace
 from trailmark.planning.proofs.grown import QUARTER
 from trailmark.planning.proofs.mesh import Mesh, locate, triangulated
 from trailmark.planning.proofs.polyanya import shortest_point_path
-from trailmark.planning.proofs.region import ellipse, local_origin, region_parts
+from trailmark.planning.proofs.region import MARGIN, ellipse, local_origin, region_parts
 from trailmark.planning.proofs.separation import Separation
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
@@ -189,6 +190,25 @@ class LowerBound:
             cost += max(0.0, se2.ROTATION_WEIGHT - offset) * turn
         return Bound(max(straight.cost, cost), path)
 
+    def shuts_out(self, start: FloatArray, goal: Goal) -> bool:
+        """Return whether it is proven that no path from a valid start, shape (3,), ends anywhere in a goal.
+
+        No path leads the disc's centre out of a region, and wherever it may be in the goal lies outside of that.
+        """
+        center, offset = self._center
+        a = se2.transform(start, center[None])[0]
+        place = shapely.Point(goal.disc[0]) if goal.region is None else goal.region.shapely()
+        place = shapely.transform(place, lambda points: points - self._origin)
+        parts = self._whole_region()
+        for part in self._around(parts, a, a):
+            if part not in self._meshes:
+                self._meshes[part] = self._proven(parts[part], np.inf)
+            mesh = self._meshes[part]
+            if mesh is not None and locate(mesh, a - self._origin) >= 0:
+                away = float(shapely.distance(parts[part], place))
+                return away > (goal.position_tolerance + offset) * (1.0 + ROUNDING) + MARGIN
+        return False
+
     def seconds(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> float:
         """Return how long :meth:`of` is expected to take."""
         growing, cutting = self._work_left(start, goal, limit)
@@ -197,7 +217,11 @@ class LowerBound:
     def seconds_for_region(self) -> float:
         """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
         begun = self._parts is not None or self.tangents is not None
-        return 0.0 if begun else GROWING.seconds(region_work(self._size))
+        return 0.0 if begun else self.seconds_for_parts()
+
+    def seconds_for_parts(self) -> float:
+        """Return how long it is expected to take to make a disc's region in the whole world, whatever its radius."""
+        return GROWING.seconds(region_work(self._size))
 
     def make_region(self, left: float = np.inf) -> None:
         """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter.

@@ -62,7 +62,7 @@ def free_region(
     margin = -MARGIN if inner else MARGIN
     r = max(radius - margin, 0.0)
     xmin, ymin, xmax, ymax = np.asarray(world.bounds) - [*origin, *origin]
-    if inner and min(xmax - xmin, ymax - ymin) < 2.0 * r:
+    if min(xmax - xmin, ymax - ymin) < 2.0 * r:
         return shapely.Polygon()
     region = shapely.box(xmin + r, ymin + r, xmax - r, ymax - r)
     # A regular polygon around a circle has its corners outside of it by this factor; discs' have twice as many.
@@ -140,7 +140,7 @@ def region_parts(world: World, radius: float, within: Any = None, *, origin: Flo
         parts = shapely.get_parts(free_region(world, radius, within, origin=origin, by=by))
     except shapely.errors.GEOSException:
         return np.empty(0, dtype=object)
-    return parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+    return parts[(shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & ~shapely.is_empty(parts)]
 
 
 def ellipse(a: FloatArray, b: FloatArray, longest: float) -> Any:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from trailmark.goals import Goal
 from trailmark.motion import Motion, WeightedMotion
 from trailmark.planning.proofs.bound import Bound, LowerBound
 from trailmark.planning.proofs.eikonal import Eikonal
@@ -59,6 +60,14 @@ class WeightedBound:
     def seconds_for_region(self) -> float:
         """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
         return self.plain.seconds_for_region()
+
+    def shuts_out(self, start: FloatArray, goal: Goal) -> bool:
+        """Return whether it is proven that no path from a valid start, shape (3,), ends anywhere in a goal."""
+        return self.plain.shuts_out(start, goal)
+
+    def seconds_for_parts(self) -> float:
+        """Return how long it is expected to take to make a disc's region in the whole world, whatever its radius."""
+        return self.plain.seconds_for_parts()
 
     def make_region(self, left: float = np.inf) -> None:
         """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter."""

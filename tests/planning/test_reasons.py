@@ -1,0 +1,216 @@
+"""Why there is no path: which end, what it overlaps, where the robot is shut in, and what ended the search."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark import Goal, LandmarkPlanner, Path, Rectangle, Robot, World
+from trailmark.planning.reach import SAME_WIDTH, narrowest_width
+from trailmark.planning.result import PlanResult
+from trailmark.zones import KeepOutZone
+
+START, BEHIND = (1.0, 1.0, 0.0), (9.0, 1.0, 0.0)
+RECTANGLE = Robot.rectangle(0.6, 0.4)
+ROBOTS = {
+    "disc": Robot.disc(0.3),
+    "rectangle": RECTANGLE,
+    "differential": RECTANGLE.differential(),
+    "car": RECTANGLE.steered(0.5),
+    "L": Robot.polygon(np.array([(-0.2, -0.2), (0.6, -0.2), (0.6, 0.0), (0.0, 0.0), (0.0, 0.6), (-0.2, 0.6)])),
+    "ahead": Robot.polygon(np.array([(0.1, -0.2), (0.7, -0.2), (0.7, 0.2), (0.1, 0.2)])),
+}
+SQUARE = [(4.0, 2.0), (8.0, 2.0), (8.0, 6.0), (4.0, 6.0)]
+ZONE = World("zone", (0.0, 0.0, 12.0, 8.0), (), zones=(KeepOutZone(SQUARE),))  # type: ignore[arg-type]  # vertices
+BLOCK = World("block", (0.0, 0.0, 12.0, 8.0), (Rectangle((6.0, 4.0), 4.0, 4.0),))
+SPLIT = World("split", (0.0, 0.0, 12.0, 8.0), (Rectangle((5.5, 4.0), 1.0, 8.0),))
+
+
+def door(width: float) -> World:
+    """Return two rooms and a door at y = 3.5 in the wall between them, 1 m thick."""
+    walls = Rectangle((5.5, 1.75), 1.0, 3.5), Rectangle((5.5, 5.75 + 0.5 * width), 1.0, 4.5 - width)
+    return World("door", (0.0, 0.0, 12.0, 8.0), walls)
+
+
+def planned(world: World, robot: Robot, goal: Any, start: Any = START, clearance: float | None = None) -> PlanResult:
+    """Return what a round of landmarks comes to, with time to spare: what is said depends on no clock."""
+    return LandmarkPlanner(world, robot, seed=0, clearance=clearance).plan(start, goal, 60.0, max_iterations=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize(
+    ("world", "goal", "fault"),
+    [
+        (SPLIT, Goal((5.5, 1.0)), r"overlaps obstacle 0 \(rectangle\) by"),
+        (SPLIT, Goal((15.5, 1.0)), "reaches .* over the right bound"),
+        (ZONE, Goal((6.0, 4.0, 0.0), position_tolerance=0.5), "overlaps keep-out zone 0 by"),
+        (BLOCK, Goal(region=[(5, 3), (7, 3), (7, 5), (5, 5)]), r"overlaps obstacle 0 \(rectangle\) by"),
+        (BLOCK, Goal((6.0, 4.0, 0.0), position_tolerance=0.2, heading_tolerance=1.0), "overlaps obstacle 0"),
+    ],
+)
+def test_a_goal_that_is_free_nowhere_is_proven_so_and_says_what_is_there(
+    robot: str, world: World, goal: Goal, fault: str
+) -> None:
+    result = planned(world, ROBOTS[robot], goal)
+    assert result.status == "infeasible"
+    assert re.search(f"the goal is free nowhere.*{fault}", result.reason)
+    assert result.to_dict("w")["reason"] == result.reason
+    depth = re.search(r"(\S+) m\b", result.reason)
+    assert depth
+    assert 0.1 < float(depth[1]) < 4.0
+
+
+@pytest.mark.slow
+def test_a_sliver_of_a_goal_that_is_free_is_no_proof() -> None:
+    world = World("sliver", (0.0, 0.0, 12.0, 8.0), (Rectangle((6.0, 4.0), 4.0, 4.0),))
+    # The disc is free beside the block by 0.1 mm, on the goal's right edge alone.
+    goal = Goal(region=[(5, 3), (8.2501, 3), (8.2501, 5), (5, 5)])
+    result = planned(world, Robot.disc(0.25), goal)
+    assert result.status != "infeasible"
+    assert result.path is None or goal.contains(result.path.states[-1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["disc", "rectangle", "car"])
+def test_each_of_several_goals_is_named(robot: str) -> None:
+    goals = (Goal((5.5, 4.0)), Goal((9.0, 4.0, 0.0), position_tolerance=0.3), Goal((15.0, 3.0)), Goal((5.5, 1.0, 0.0)))
+    result = planned(SPLIT, ROBOTS[robot], goals)
+    assert result.status == "infeasible"
+    said = dict(re.findall(r"(goal \d)(.*?)(?:;|$)", result.reason))
+    assert sorted(said) == ["goal 0", "goal 1", "goal 2", "goal 3"]
+    assert "overlaps obstacle 0" in said["goal 0"]
+    assert "shut in at the start" in said["goal 1"]
+    assert "bound" in said["goal 2"]
+    assert "overlaps obstacle 0" in said["goal 3"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_no_heading_leads_behind_a_wall(robot: str) -> None:
+    for goal in (Goal((9.0, 1.0)), Goal(region=[(8, 1), (10, 1), (10, 3), (8, 3)]), BEHIND):
+        result = planned(SPLIT, ROBOTS[robot], goal)
+        assert result.status == "infeasible"
+        assert "shut in at the start: obstacles close every way to the goal" in result.reason
+
+
+def test_a_goal_part_of_which_can_be_reached_is_not_shut_out() -> None:
+    planner = LandmarkPlanner(SPLIT, Robot.disc(0.3), seed=0)
+    bound, start = planner.bound, np.array(START)
+    # The disc's centre gets to x = 4.7.
+    assert bound.shuts_out(start, Goal(region=[(4.71, 1), (9, 1), (9, 2), (4.71, 2)]))
+    assert not bound.shuts_out(start, Goal(region=[(4.69, 1), (9, 1), (9, 2), (4.69, 2)]))
+    assert bound.shuts_out(start, Goal(BEHIND, position_tolerance=4.29))
+    assert not bound.shuts_out(start, Goal(BEHIND, position_tolerance=4.31))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("start", "goal", "end"), [(START, BEHIND, "start"), (BEHIND, START, "goal")])
+def test_the_widest_way_is_told(start: tuple[float, ...], goal: tuple[float, ...], end: str) -> None:
+    result = planned(door(0.5), Robot.disc(0.3), goal, start=start)
+    assert result.status == "infeasible"
+    # The smaller of the two rooms counts as the one that is shut.
+    for words in (f"shut in at the {end}", "about 0.50 m", "at (5.50, 3.75)", "holds one of 0.60 m"):
+        assert words in result.reason
+    kept = planned(door(0.5), Robot.disc(0.2), BEHIND, clearance=0.1)
+    assert "0.60 m, with the clearance" in kept.reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "robot",
+    [
+        Robot.disc(0.25),
+        Robot.disc(0.2).keeping(0.05),
+        Robot.rectangle(0.8, 0.5),
+        Robot.rectangle(0.8, 0.5).differential(),
+        Robot.rectangle(0.8, 0.5).steered(0.5),
+        Robot.polygon(np.array([(0.0, -0.3), (0.5, 0.0), (0.0, 0.3)])),
+    ],
+)
+def test_what_fits_only_in_contact_is_said_to(robot: Robot) -> None:
+    result = planned(door(0.5), robot, BEHIND)
+    assert result.status == "timeout"
+    assert re.search(r"1 rounds.*only in contact.* is 0\.5 m wide at \(5\.50, 3\.75\).* needs 0\.5 m", result.reason)
+    wider = planned(door(0.5004), robot, BEHIND)
+    assert "contact" not in wider.reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cell", "cells"), [(0.05, 10), (0.1, 3), (0.07, 9)])
+def test_a_passage_of_a_grid_fits_only_in_contact(cell: float, cells: int) -> None:
+    wall = np.zeros((60, 120), np.bool_)
+    wall[20:25] = True
+    wall[20:25, 50 : 50 + cells] = False
+    world, half = World.from_grid(wall, cell), 0.5 * cells * cell
+    start, goal = (20 * cell, 10 * cell, 0.0), (20 * cell, 50 * cell, 0.0)
+    result = planned(world, Robot.disc(half), goal, start)
+    assert result.status == "timeout"
+    assert "only in contact" in result.reason
+    assert f"{2.0 * half:g} m wide" in result.reason
+    assert planned(world, Robot.disc(half - 1e-4), goal, start).status == "solved"
+
+
+@pytest.mark.slow
+def test_in_a_corridor_as_wide_as_the_robot_an_end_is_in_contact() -> None:
+    world = World("corridor", (0.0, 0.0, 10.0, 0.5), ())
+    result = planned(world, Robot.disc(0.25), (9.0, 0.25, 0.0), (1.0, 0.25, 0.0))
+    assert result.status == "timeout"
+    assert "only in contact at the start" in result.reason
+
+
+@pytest.mark.parametrize(
+    ("vertices", "width"),
+    [
+        ([(0, 0), (2, 0), (2, 1), (0, 1)], 1.0),
+        ([(0, -0.3), (0.5, 0), (0, 0.3)], 0.5),
+        ([(0, 0), (3, 0), (3, 0.5), (0.5, 0.5), (0.5, 3), (0, 3)], None),
+    ],
+)
+def test_the_narrowest_strip_around_a_robot(vertices: Sequence[tuple[float, float]], width: float | None) -> None:
+    robot = Robot.polygon(np.array(vertices, dtype=float)).keeping(0.1)
+    expected = 2.0 * robot.inscribed_disc.radius if width is None else width + 0.2
+    assert narrowest_width(robot) == pytest.approx(expected, abs=0.1 * SAME_WIDTH)
+
+
+@pytest.mark.slow
+def test_what_ended_the_search_is_said() -> None:
+    planner = LandmarkPlanner(door(0.5), Robot.disc(0.25), seed=0)
+    goal = BEHIND
+    stopped = planner.plan(START, goal, 5.0, stop=lambda: True)
+    assert (stopped.status, stopped.reason[:25]) == ("timeout", "planning was told to stop")
+    up = planner.plan(START, goal, 0.05)
+    assert (up.status, up.reason[:30]) == ("timeout", "the time limit of 0.05 s is up")
+    counted = planner.plan(START, goal, 60.0, max_iterations=1)
+    assert (counted.status, counted.reason[:36]) == ("timeout", "no path was found in 1 rounds of lan")
+    assert planner.plan(START, (4.0, 6.0, 1.0), 0.05).reason == ""
+
+
+@pytest.mark.slow
+def test_many_queries_and_replanning_say_why() -> None:
+    planner = LandmarkPlanner(SPLIT, RECTANGLE, seed=0)
+    free, shut = planner.plan_many([START, START], [(3.0, 6.0, 1.0), BEHIND], 0.5)
+    assert (free.status, free.reason) == ("solved", "")
+    assert (shut.status, shut.reason[:22]) == ("infeasible", "shut in at the start: ")
+    stopped = planner.plan_many([START], [BEHIND], 0.5, stop=lambda: True)[0]
+    assert (stopped.status, "before this one's turn" in stopped.reason) == ("timeout", True)
+    old = Path(np.array([START, BEHIND]))
+    for goal in (BEHIND, Goal((9.0, 1.0)), Goal((5.5, 1.0))):
+        replanned = planner.replan(START, goal, old, 0.5)
+        assert replanned.status == "infeasible"
+        assert ("free nowhere" if goal == Goal((5.5, 1.0)) else "shut in at the start") in replanned.reason
+
+
+@pytest.mark.slow
+def test_a_start_in_a_zone_is_shut_in_by_what_stands() -> None:
+    zone = KeepOutZone([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])  # type: ignore[arg-type]  # vertices
+    world = World("zone", SPLIT.bounds, SPLIT.obstacles, zones=(zone,))
+    result = planned(world, RECTANGLE, BEHIND)
+    assert (result.status, result.reason[:20]) == ("infeasible", "shut in at the start")
+    inside = planned(world, RECTANGLE, Goal((1.0, 0.9)))
+    assert inside.path is None
+    assert "overlaps keep-out zone 0 by" in inside.reason
