@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.logs.records import Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.map_checks import (
     detection_warnings,
     duration,
     explained_share,
+    log_warnings,
     scan_warnings,
     top_speed,
 )
@@ -79,3 +80,21 @@ def test_maps_of_detections_that_look_wrong() -> None:
     assert "9%" in share
     (fast,) = detection_warnings(right._replace(trajectory=line * [1.0, 99.0, 1.0, 1.0]), apart, False, "slam")
     assert "m/s" in fast
+
+
+def test_a_log_of_two_clocks_and_scans_that_met_nothing() -> None:
+    def scan(t: float, reading: float = 1.0) -> Scan:
+        return Scan(t, np.array([reading, math.nan]), 0.0, 0.1, 5.0)
+
+    moves: list[Record] = [Pose(0.0, 0.0, 0.0, 0.0), Increment(1.0, 1.0, 0.0, 0.0), Increment(3.0, 1.0, 0.0, 0.0)]
+    assert log_warnings([*moves, scan(3.0)], detected=False) == []
+    (apart,) = log_warnings([*moves, scan(1.7e9)], detected=False)
+    assert "odometry (1.000 to 3.000 s)" in apart
+    assert "do not overlap" in apart
+    (before,) = log_warnings([scan(0.5), *moves], detected=False)
+    assert "do not overlap" in before
+    # The last velocity holds on.
+    assert log_warnings([Odometry(0.0, 1.0, 0.0), scan(9.0)], detected=False) == []
+    for nothing in (math.inf, 5.0, math.nan):
+        (blind,) = log_warnings([*moves, scan(1.0, nothing), scan(2.0, nothing), scan(3.0)], detected=False)
+        assert "2 of 3 scans met nothing" in blind

@@ -11,9 +11,9 @@ import numpy as np
 from trailmark.checked import Probability, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.graph.scan_slam import match_scans
-from trailmark.estimation.logs.records import Log, Scan
+from trailmark.estimation.logs.records import Log, Scan, with_own_times
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
-from trailmark.estimation.maps.map_checks import detection_warnings, explained_share, scan_warnings
+from trailmark.estimation.maps.map_checks import detection_warnings, explained_share, log_warnings, scan_warnings
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.mapped_log import MappedLog
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
@@ -61,6 +61,7 @@ def map_log(
             range.
     """
     s, begin = settings or MapSettings(), perf_counter()
+    log = with_own_times(log)
     if s.robot_sigma is not None and (robot is None or confidence is None):
         raise EstimationError("robot_sigma: expected a robot and a confidence with it, got one without them")
     sources = sources_of(log, s)
@@ -115,7 +116,7 @@ def map_log(
         seconds=perf_counter() - begin,
         scan_seconds=scan_seconds,
         explained=None if math.isnan(explained) else explained,
-        warnings=tuple(warnings),
+        warnings=(*log_warnings(log.records, detected), *warnings),
         batch=None if run is None else run.batch,
         notes=(*log.notes, *_notes(s, sources, world, run)),
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record, Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.scan_map import beam_ends
 from trailmark.estimation.slam.slam_result import SlamResult
@@ -15,7 +15,7 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import ObstacleEstimate, World
 
-__all__ = ["detection_warnings", "duration", "explained_share", "scan_warnings", "top_speed"]
+__all__ = ["detection_warnings", "duration", "explained_share", "log_warnings", "scan_warnings", "top_speed"]
 
 NEAR = 0.15
 """Metres from an obstacle's outline within which a scan's end point counts as explained."""
@@ -90,6 +90,32 @@ def duration(times: FloatArray) -> float | None:
         return None
     gaps = np.diff(times)
     return float(gaps[gaps < DAY].sum())
+
+
+def log_warnings(records: Sequence[Record], detected: bool) -> list[str]:
+    """Return what looks wrong with the log itself: clocks that differ, scans that met nothing.
+
+    Args:
+        records: of the log, in the order of time.
+        detected: whether obstacles come from its detections, else from its scans.
+    """
+    what = "detections" if detected else "scans"
+    read = [record for record in records if isinstance(record, Detection if detected else Scan)]
+    moves = [record for record in records if isinstance(record, Odometry | Increment)]
+    found = []
+    # Velocities hold on after the last of them.
+    if moves and read:
+        end = np.inf if isinstance(moves[-1], Odometry) else moves[-1].t
+        if read[-1].t < moves[0].t or end < read[0].t:
+            found.append(
+                f"the times of odometry ({moves[0].t:.3f} to {moves[-1].t:.3f} s) and of {what} ({read[0].t:.3f} to "
+                f"{read[-1].t:.3f} s) do not overlap: are they of different clocks?"
+            )
+    scans = [record for record in read if isinstance(record, Scan)]
+    blind = sum(not ((scan.ranges > 0.0) & (scan.ranges < scan.range_max)).any() for scan in scans)
+    if 2 * blind > len(scans):
+        found.append(f"{blind:,} of {len(scans):,} scans met nothing: they place neither the robot nor an obstacle")
+    return found
 
 
 def scan_warnings(explained: float, trajectory: FloatArray, poses: str) -> list[str]:
