@@ -150,7 +150,8 @@ class World(Shown):
 
         Args:
             cells: truth values or whole numbers, shape (rows, columns), row 0 with the smallest y, as in
-                ``nav_msgs/OccupancyGrid``. 0 is free; all else is not: 100 (occupied), -1 (unknown), and in between.
+                ``nav_msgs/OccupancyGrid``. 0 is free; all else is not: 100 (occupied), -1 (unknown), and in between,
+                and cells that a masked array masks.
             resolution: side of a cell, metres.
             origin: x, y of cell (0, 0)'s outer corner and, if given, the yaw by which the grid is turned about it.
             name: what reports call it.
