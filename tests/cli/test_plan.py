@@ -144,6 +144,13 @@ def test_without_a_path_there_are_no_rows_to_write(
     assert run.status == 3
     assert "written" not in run.out
     assert list(tmp_path.iterdir()) == [yard]
+    assert run.err.splitlines() == [f"trailmark: {tmp_path / f'path{suffix}'}: not written, for there is no path"]
+    planner.status = "solved"
+    assert shell("plan", yard, "--output", tmp_path / f"path{suffix}").status == 0
+    planner.status = "timeout"
+    run = shell("plan", yard, "--output", tmp_path / f"path{suffix}")
+    assert (run.status, len(run.err.splitlines())) == (3, 1)
+    assert "what it holds is older, and left as it is" in run.err
 
 
 @pytest.mark.slow

@@ -45,9 +45,18 @@ def test_an_older_database_is_compared_with(shell: Shell, results: Path, tmp_pat
     assert (run.status, "none.db: does not exist" in run.problem) == (2, True)
 
 
+def test_without_a_file_the_summary_is_printed(shell: Shell, results: Path, tmp_path: Path) -> None:
+    run = shell("report", results)
+    assert (run.status, run.err) == (0, "")
+    lines = run.out.splitlines()
+    assert lines[0] == f"{results}: 1 problems, 2 planners, 6 runs"
+    assert [line.split()[0] for line in lines[1:4]] == ["planner", "landmark", "PRM"]
+    old = random_results(tmp_path / "old.db", ["landmark", "PRM"], problems=1, runs=3, seed=1)
+    assert "Faster beyond chance: " in shell("report", results, "--against", old).out
+
+
 def test_bad_usage_is_one_line(shell: Shell, results: Path, tmp_path: Path) -> None:
     cases: list[tuple[list[object], str]] = [
-        ([results], "expected --html, --markdown or both, got neither"),
         ([results, "--html", tmp_path / "report.pdf"], "suffix: expected .htm, .html, got '.pdf'"),
         ([results, "--html", tmp_path / "nowhere" / "r.html"], "does not exist"),
         ([results, "--html", tmp_path], "suffix: expected .htm, .html, got ''"),

@@ -46,9 +46,11 @@ def report(
     if page is None and text is None:
         _print_summary(found, old)
     for file in filter(None, (page, text)):
-        console.say(
-            f"written: {file} ({len(found.problems):,} problems, {len(found.planners):,} planners, {found.runs:,} runs)"
-        )
+        console.say(f"written: {file} ({_size(found)})")
+
+
+def _size(found: Results) -> str:
+    return f"{len(found.problems):,} problems, {len(found.planners):,} planners, {found.runs:,} runs"
 
 
 def _print_summary(found: Results, old: Results | None) -> None:
