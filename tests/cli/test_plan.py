@@ -326,3 +326,14 @@ def test_messages_of_several_lines_become_one(shell: Shell, yard: Path, planner:
 
     planner.action = staticmethod(fail)
     assert shell("plan", yard).problem == r"first second \x1b[31mred"
+
+
+@pytest.mark.parametrize(("ends", "words"), [("[9, 5, 90]", []), ("[9, 5, 1.5]", ["--goal-tolerance", "0.1,10"])])
+def test_angles_in_degrees_are_warned_of_in_one_line(
+    shell: Shell, yard: Path, planner: Any, ends: str, words: list[str]
+) -> None:
+    yard.write_text(re.sub(r"goal: \[.*?\]", f"goal: {ends}", yard.read_text(), count=1))
+    run = shell("plan", yard, *words)
+    assert (run.status, run.err.count("\n")) == (0, 1)
+    assert "is taken as radians; are they degrees" in run.err
+    assert shell("plan", yard, "--start", "1,1,0", "--goal", "9,5,90").err.count("taken as radians") == 1

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from trailmark.errors import FormatError
+from trailmark.errors import FormatError, InputWarning
 from trailmark.formats import load_world
 from trailmark.formats.nav2_map import free_cells
 from trailmark.formats.schema import MapFile
@@ -344,3 +344,12 @@ def test_published_maps(shared_data: Path, name: str, free_at_most: str, origin:
     assert world.name == name
     assert world.robot is None
     assert world.boundary is None
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+def test_unknown_cells_that_a_threshold_makes_free_are_warned_of(tmp_path: Path, mode: str) -> None:
+    picture = grey([205, 205, 254], [0, 205, 254])
+    assert len(load_world(write_map(tmp_path, picture, mode=mode, free_thresh=0.196)).obstacles) == 1
+    with pytest.warns(InputWarning, match=r"3 cells of grey 205, .*, are free by free_thresh 0.25"):
+        load_world(write_map(tmp_path, picture, mode=mode, free_thresh=0.25))
+    load_world(write_map(tmp_path, grey([206, 254]), mode=mode, free_thresh=0.25))

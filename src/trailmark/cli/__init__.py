@@ -35,7 +35,7 @@ from trailmark.cli import (
     worlds,
 )  # a command's file has its name
 from trailmark.cli.options import UsageError
-from trailmark.errors import InternalErrorWarning, TrailmarkError
+from trailmark.errors import InputWarning, InternalErrorWarning, TrailmarkError
 
 __all__ = ["app", "main"]
 
@@ -126,11 +126,13 @@ def _run(words: Sequence[str]) -> int:
         # Other libraries' advice to programmers; -W and PYTHONWARNINGS still show it.
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
-        # But trailmark's own internal errors are shown to every user, in one line.
-        warnings.filterwarnings("always", category=InternalErrorWarning)
+        # But trailmark's own are shown to every user, in one line.
+        own = (InputWarning, InternalErrorWarning)
+        for category in own:
+            warnings.filterwarnings("always", category=category)
         shown = warnings.showwarning
         warnings.showwarning = lambda message, category, *rest: (
-            console.warn(str(message)) if category is InternalErrorWarning else shown(message, category, *rest)
+            console.warn(str(message)) if category in own else shown(message, category, *rest)
         )
         try:
             with command.make_context("trailmark", list(words)) as context:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.errors import FormatError, WorldError
+from trailmark.errors import FormatError, InputWarning, WorldError
 from trailmark.formats.grid import MAX_CELLS, check_size
 from trailmark.formats.grid_world import world_of_grid
 from trailmark.world import World
@@ -30,6 +30,9 @@ __all__ = ["free_cells", "occupancy", "pixels_of", "read_grid", "read_image", "r
 T = TypeVar("T", bound=np.generic)
 
 IMAGE_KINDS = {"PPM": "PGM/PBM/PPM", "PNG": "PNG", "BMP": "BMP", "JPEG": "JPEG"}
+
+UNKNOWN = 205
+"""The grey that map_saver writes for unknown cells."""
 
 _ROWS_AT_ONCE = 256  # bounds the memory for one image's brightness values
 
@@ -85,12 +88,25 @@ def read_image(path: Path, fields: dict[str, Any]) -> World:
 
 
 def _world(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> World:
-    free = pixels_of(image, lambda pixels: free_cells(pixels, file))
+    told = pixels_of(
+        image, lambda pixels: 2 * _unknown_by_grey(pixels, file).astype(np.uint8) | free_cells(pixels, file)
+    )
+    free = (told & 1).astype(bool)
+    if count := int(np.count_nonzero(told == 3)):  # both free and of that grey
+        problem = f"{count:,} cells of grey {UNKNOWN}, which map savers write for unknown, are free by free_thresh"
+        warnings.warn(f"{image}: {problem} {file.free_thresh:g}; 0.196 keeps them out", InputWarning, stacklevel=2)
     try:
         world = world_of_grid(~free[::-1], file.resolution, file.origin, name)
     except WorldError as error:
         raise FormatError(image, str(error)) from None
     return replace(world, sources=sources)
+
+
+def _unknown_by_grey(image: Image, file: MapFile) -> NDArray[np.bool_]:
+    """Return which pixels are of the grey that map savers write for unknown cells; none where values mean other."""
+    values, full, _ = _channels(image)
+    means = full == 255 and file.mode != "raw" and not file.negate  # 8 bits
+    return np.asarray(means & (values[..., :3] == UNKNOWN).all(axis=-1))
 
 
 def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
