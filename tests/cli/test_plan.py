@@ -336,4 +336,8 @@ def test_angles_in_degrees_are_warned_of_in_one_line(
     run = shell("plan", yard, *words)
     assert (run.status, run.err.count("\n")) == (0, 1)
     assert "is taken as radians; are they degrees" in run.err
-    assert shell("plan", yard, "--start", "1,1,0", "--goal", "9,5,90").err.count("taken as radians") == 1
+
+
+def test_an_option_in_degrees_is_warned_of_once(shell: Shell, yard: Path, planner: Any) -> None:
+    run = shell("plan", yard, "--start", "1,1,0", "--goal", "9,5,90", "--goal-tolerance", "0.1")
+    assert run.err.count("\n") == run.err.count("taken as radians") == 1

@@ -318,9 +318,13 @@ def load_world(text: str) -> World:
     Raises:
         TrailmarkError: there is none, or the file does not hold what it should.
     """
+    from trailmark.formats.nav2_map import unknown_taken_for_free
     from trailmark.world import World
 
-    return World.load(text)
+    world = World.load(text)
+    if problem := unknown_taken_for_free(world.sources):
+        console.warn(problem)
+    return world
 
 
 def grown_for(world: World, robot: Robot) -> World:

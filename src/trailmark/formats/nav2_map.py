@@ -7,7 +7,7 @@ both become obstacles.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.errors import FormatError, InputWarning, WorldError
+from trailmark.errors import FormatError, WorldError
 from trailmark.formats.grid import MAX_CELLS, check_size
 from trailmark.formats.grid_world import world_of_grid
 from trailmark.world import World
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from trailmark.formats.schema import MapFile
 
-__all__ = ["free_cells", "occupancy", "pixels_of", "read_grid", "read_image", "read_nav2_map"]
+__all__ = ["free_cells", "occupancy", "pixels_of", "read_grid", "read_image", "read_nav2_map", "unknown_taken_for_free"]
 
 T = TypeVar("T", bound=np.generic)
 
@@ -88,13 +88,7 @@ def read_image(path: Path, fields: dict[str, Any]) -> World:
 
 
 def _world(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> World:
-    told = pixels_of(
-        image, lambda pixels: 2 * _unknown_by_grey(pixels, file).astype(np.uint8) | free_cells(pixels, file)
-    )
-    free = (told & 1).astype(bool)
-    if count := int(np.count_nonzero(told == 3)):  # both free and of that grey
-        problem = f"{count:,} cells of grey {UNKNOWN}, which map savers write for unknown, are free by free_thresh"
-        warnings.warn(f"{image}: {problem} {file.free_thresh:g}; 0.196 keeps them out", InputWarning, stacklevel=2)
+    free = pixels_of(image, lambda pixels: free_cells(pixels, file))
     try:
         world = world_of_grid(~free[::-1], file.resolution, file.origin, name)
     except WorldError as error:
@@ -102,11 +96,37 @@ def _world(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> 
     return replace(world, sources=sources)
 
 
-def _unknown_by_grey(image: Image, file: MapFile) -> NDArray[np.bool_]:
-    """Return which pixels are of the grey that map savers write for unknown cells; none where values mean other."""
-    values, full, _ = _channels(image)
-    means = full == 255 and file.mode != "raw" and not file.negate  # 8 bits
-    return np.asarray(means & (values[..., :3] == UNKNOWN).all(axis=-1))
+def unknown_taken_for_free(sources: Sequence[Path]) -> str:
+    """Return a sentence on cells of a nav2 map that are free though they are of the grey of unknown ones, or nothing.
+
+    Args:
+        sources: files of a world: a nav2 map's are its YAML file and its image.
+
+    Raises:
+        FormatError: as :func:`read_nav2_map`.
+    """
+    from trailmark.formats.files import read_text
+    from trailmark.formats.schema import MapFile
+    from trailmark.formats.validation import validate
+    from trailmark.formats.yaml_data import parse_yaml
+
+    if len(sources) < 2 or sources[0].suffix.lower() not in (".yaml", ".yml"):
+        return ""
+    data = parse_yaml(read_text(sources[0]), sources[0])
+    if not isinstance(data, dict) or "image" not in data:
+        return ""
+    file = validate(MapFile, data, sources[0])
+    if file.mode == "raw" or file.negate or file.free_thresh < (255 - UNKNOWN) / 255:
+        return ""
+
+    def grey(image: Image) -> NDArray[np.bool_]:
+        values, full, _ = _channels(image)
+        return np.asarray((full == 255) & (values[..., :3] == UNKNOWN).all(axis=-1) & free_cells(image, file))
+
+    if not (count := int(np.count_nonzero(pixels_of(sources[1], grey)))):
+        return ""
+    what = f"{count:,} cells of grey {UNKNOWN}, which map savers write for unknown, are free"
+    return f"{sources[0]}: {what} by free_thresh {file.free_thresh:g}; 0.196 keeps them out"
 
 
 def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:

@@ -234,7 +234,7 @@ def _moves_between_readings(run: Sequence[Record]) -> bool:
 
     The same motion with the same readings is the same part of the log, written twice.
     """
-    found: dict[object, set[object]] = {}
+    found: dict[type[Record], set[tuple[Any, ...]]] = {}
     for part in _parts(run):
         if _moves(part[0]):
             own = tuple(map(_content, part))
@@ -262,7 +262,7 @@ def _groups(run: Sequence[Record]) -> list[list[Record]]:
         seen: dict[object, tuple[object, ...]] = {}
         groups.append([])
         for record in part:
-            source = None
+            source: object = None
             if isinstance(record, Detection) and record.identity is not None:
                 source = (record.kind, record.identity)
             elif isinstance(record, Scan):
