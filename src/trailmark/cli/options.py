@@ -143,7 +143,6 @@ def read_configuration(text: str, option: str) -> Configuration:
         console.warn(
             f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, give {heading}deg"
         )
-        theta = math.remainder(theta, 2.0 * math.pi)
     return x, y, theta
 
 
