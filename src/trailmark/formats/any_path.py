@@ -194,16 +194,15 @@ def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
         return []
     separator = next((mark for mark in ",;" if mark in lines[0][1]), None)
     names = _names(lines[0][1], separator)
-    columns: list[int] | None = [0, 1, 2]
-    count = 3
+    columns, count = [0, 1, 2], 3
     if not any(map(_is_number, names)):
-        columns, count = _columns(names), len(names)
-        if columns is None:
+        named, count = _columns(names), len(names)
+        if named is None:
             given = brief(lines[0][1])
             raise FormatError(
                 path, f"no path; {_ALLOWED} and columns x, y, theta (or yaw, heading), got {given}", lines[0][0]
             )
-        lines = lines[1:]
+        columns, lines = named, lines[1:]
     else:
         columns, count = _commented_columns(comments, separator, len(names), path) or (columns, count)
     states = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +28,7 @@ def world_of_grid(cells: ArrayLike, resolution: float, origin: Sequence[float], 
     Raises:
         WorldError: an array of another shape or kind, a resolution that is not above 0, or too many cells.
     """
-    masked = np.ma.asarray(cells)  # also of a list of masked rows
+    masked: Any = np.ma.asarray(cells)  # also of a list of masked rows
     grid = np.asarray(masked.data)
     if grid.ndim != 2 or grid.dtype.kind not in "biu":
         allowed = "truth values or whole numbers of shape (rows, columns)"
