@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import pi
 
 import numpy as np
 import pytest
 import shapely
 
-from trailmark import Goal, Polygon, Query, se2
-from trailmark.errors import ConfigurationError, TrailmarkError, WorldError
+from trailmark import Goal, Polygon, Query, Rectangle, se2
+from trailmark.errors import ConfigurationError, InputWarning, TrailmarkError, WorldError
 from trailmark.goals import goals_of
+from trailmark.zones import OneWayZone
 
 L_SHAPE = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)])
 TILTED = np.array([(5000.1, 3000.3), (5003.7, 3001.9), (5002.2, 3004.4)])
@@ -121,3 +123,20 @@ def test_goals_are_told_from_configurations() -> None:
     assert goals_of(list(GOALS)) == GOALS
     with pytest.raises(TrailmarkError, match=r"goal\[1\]: expected Goal, got"):
         goals_of([GOALS[0], (1, 2, 3)])
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Goal((6.5, 1.0, 90.0)),
+        lambda: Goal((6.5, 1.0, 0.0), heading_tolerance=10.0),
+        lambda: Goal(region=[(0, 0), (1, 0), (1, 1)], heading=-90.0),
+        lambda: Query("a", (0, 0, 90), (1, 1, 0)),
+        lambda: Query("a", (0, 0, 0), (1, 1, 45)),
+        lambda: Rectangle((0.0, 0.0), 1.0, 2.0, 30.0),
+        lambda: OneWayZone(Polygon([(0, 0), (1, 0), (1, 1)]), 90.0, 0.5),
+    ],
+)
+def test_angles_that_look_like_degrees_are_warned_of(make: Callable[[], object]) -> None:
+    with pytest.warns(InputWarning, match="is taken as radians; are they degrees"):
+        make()

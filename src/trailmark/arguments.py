@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import reprlib
+import warnings
 from collections.abc import Iterable
 from decimal import Decimal
 from numbers import Real
@@ -16,9 +17,21 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.errors import ConfigurationError, TrailmarkError
+from trailmark.errors import ConfigurationError, InputWarning, TrailmarkError
 
-__all__ = ["angle", "brief", "callback", "each_of", "number", "number_array", "one_of", "real", "truth", "whole"]
+__all__ = [
+    "angle",
+    "brief",
+    "callback",
+    "each_of",
+    "number",
+    "number_array",
+    "one_of",
+    "real",
+    "truth",
+    "warn_of_degrees",
+    "whole",
+]
 
 T = TypeVar("T")
 Error = type[TrailmarkError]
@@ -93,6 +106,13 @@ def angle(text: str) -> float:
         return math.nan if rest.strip() else math.radians(float(number)) if mark else float(number)
     except ValueError:
         return math.nan
+
+
+def warn_of_degrees(radians: float, name: str) -> None:
+    """Warn of an angle beyond one and a half turns, which looks like degrees; ``name`` is what the message calls it."""
+    if abs(radians) > 3.0 * math.pi + 1e-9:
+        problem = f"{name}: {radians:g} is taken as radians; are they degrees? (a file may say {radians:g}deg)"
+        warnings.warn(problem, InputWarning, stacklevel=2)
 
 
 def one_of(

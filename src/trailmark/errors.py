@@ -15,6 +15,7 @@ from typing import ParamSpec, TypeVar
 __all__ = [
     "ConfigurationError",
     "FormatError",
+    "InputWarning",
     "InternalErrorWarning",
     "OutputError",
     "ShapeError",
@@ -77,6 +78,10 @@ class FormatError(TrailmarkError, ValueError):
 
 class InternalErrorWarning(UserWarning):
     """An error of trailmark's own, found before it did harm; the message says where what reproduces it was written."""
+
+
+class InputWarning(UserWarning):
+    """An input that is allowed and yet looks wrong, such as a heading in degrees; the message says how it is read."""
 
 
 class OutputError(TrailmarkError, OSError):

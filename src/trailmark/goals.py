@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.arguments import brief, number, number_array, one_of
+from trailmark.arguments import brief, number, number_array, one_of, warn_of_degrees
 from trailmark.errors import ConfigurationError, ShapeError
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon
@@ -69,7 +69,9 @@ class Goal:
                 f"goal: cost: expected 0 or more, got {cost:g} (only differences count: add as much to each goal)"
             )
         object.__setattr__(self, "cost", cost)
+        warn_of_degrees(self.heading_tolerance, "goal: heading_tolerance")
         if self.heading is not None:
+            warn_of_degrees(number(self.heading, "goal: heading:"), "goal: heading")
             object.__setattr__(self, "heading", float(se2.wrap(number(self.heading, "goal: heading:"))))
         if self.region is None:
             self._check_pose()
@@ -84,7 +86,7 @@ class Goal:
             raise ConfigurationError(f"goal: pose: expected [x, y, theta] or [x, y], got shape {pose.shape}")
         if self.heading is not None:
             raise ConfigurationError("goal: heading: expected the heading of a pose in the pose, got both")
-        whole = se2.configurations([*pose, 0.0][:3], name="goal: pose")
+        whole = se2.configurations([*pose, 0.0][:3], name="goal: pose", by_hand=True)
         object.__setattr__(self, "pose", tuple(whole.tolist()[: len(pose)]))
 
     def _check_region(self) -> None:

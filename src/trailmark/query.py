@@ -38,7 +38,7 @@ class Query:
         object.__setattr__(self, "goal", self._configuration("goal") if goals is None else goals)
 
     def _configuration(self, end: str) -> tuple[float, ...]:
-        q = se2.configurations(getattr(self, end), name=f"query {self.name!r}: {end}")
+        q = se2.configurations(getattr(self, end), name=f"query {self.name!r}: {end}", by_hand=True)
         if q.ndim != 1:
             raise WorldError(f"query {self.name!r}: {end}: expected shape (3,), got {q.shape}")
         return tuple(float(v) for v in q)

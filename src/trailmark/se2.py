@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.arguments import number_array
+from trailmark.arguments import number_array, warn_of_degrees
 from trailmark.errors import ConfigurationError
 
 __all__ = [
@@ -36,12 +36,13 @@ ROTATION_WEIGHT = 0.5
 """Metres that one radian of rotation counts in a path's cost (OMPL's SE2StateSpace weight)."""
 
 
-def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
+def configurations(q: ArrayLike, *, name: str = "configuration", by_hand: bool = False) -> FloatArray:
     """Return ``q`` as a float array of shape (3,) or (n, 3) with headings wrapped, or say what is wrong.
 
     Args:
         q: one configuration (x, y, theta) or n of them as rows; metres and radians.
         name: what the message calls it.
+        by_hand: whether a heading that looks like degrees is warned of.
 
     Raises:
         ConfigurationError: other shapes, or values that are not finite numbers.
@@ -52,6 +53,8 @@ def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
     if not np.isfinite(array).all():
         first = array if array.ndim == 1 else array[~np.isfinite(array).all(axis=1)][0]
         raise ConfigurationError(f"{name}: {first.tolist()} holds a value that is not a finite number")
+    if by_hand and array.size:
+        warn_of_degrees(float(np.abs(array[..., 2]).max()), f"{name}: heading")
     array[..., 2] = wrap(array[..., 2])
     return array
 

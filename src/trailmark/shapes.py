@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.arguments import brief, number_array, real
+from trailmark.arguments import brief, number_array, real, warn_of_degrees
 from trailmark.errors import ShapeError
 
 if TYPE_CHECKING:
@@ -97,6 +97,7 @@ class Rectangle:
         object.__setattr__(self, "length", _positive(self.length, "rectangle: length"))
         object.__setattr__(self, "width", _positive(self.width, "rectangle: width"))
         object.__setattr__(self, "heading", _number(self.heading, "rectangle: heading"))
+        warn_of_degrees(self.heading, "rectangle: heading")
 
     @property
     def area(self) -> float:
@@ -261,7 +262,8 @@ def displaced(shape: Shape, dx: float, dy: float, dtheta: float = 0.0) -> Shape:
         return Disc((shape.center[0] + dx, shape.center[1] + dy), shape.radius)
     if isinstance(shape, Rectangle):
         center = shape.center[0] + dx, shape.center[1] + dy
-        return Rectangle(center, shape.length, shape.width, shape.heading + dtheta)
+        # Who turns a shape again and again means no degrees.
+        return Rectangle(center, shape.length, shape.width, math.fmod(shape.heading + dtheta, 2.0 * math.pi))
     step = np.array([dx, dy])
     if dtheta == 0.0:
         return Polygon(shape.vertices + step, tuple(hole + step for hole in shape.holes))

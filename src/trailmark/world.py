@@ -7,6 +7,7 @@ risk it was grown (:class:`RiskBound`); :mod:`trailmark.estimation.risk.allocati
 from __future__ import annotations
 
 import math
+import warnings
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike
 from trailmark.arguments import brief, each_of, one_of, real
 from trailmark.changes import Changes, Obstacles, apply, difference
 from trailmark.edits import Obstacle, changes_of_edits, obstacles_of
-from trailmark.errors import WorldError, expected_name
+from trailmark.errors import InputWarning, WorldError, expected_name
 from trailmark.estimates import FRAMES, Frame, ObstacleEstimate, RiskBound
 from trailmark.moving import Moving
 from trailmark.query import Query
@@ -159,7 +160,8 @@ class World(Shown):
 
         Args:
             cells: truth values or whole numbers, shape (rows, columns), row 0 with the smallest y, as in
-                ``nav_msgs/OccupancyGrid``. 0 is free; all else is not: 100 (occupied), -1 (unknown), and in between.
+                ``nav_msgs/OccupancyGrid``. 0 is free; all else is not: 100 (occupied), -1 (unknown), and in between,
+                and cells that a masked array masks.
             resolution: side of a cell, metres.
             origin: x, y of cell (0, 0)'s outer corner and, if given, the yaw by which the grid is turned about it.
             name: what reports call it.
@@ -228,6 +230,10 @@ class World(Shown):
         from trailmark.formats.nav2_mask import read_mask
 
         zones, sources = read_mask(FilePath(path), kind, **scale)
+        boxes = np.array([zone.region.bounding_box() for zone in zones]).reshape(-1, 4)
+        low, high = np.array(self.bounds).reshape(2, 2)
+        if kind == "keep-out" and not ((boxes[:, 2:] > low) & (boxes[:, :2] < high)).all(axis=1).any():
+            warnings.warn(f"{path}: the keep-out mask covers nothing of the map", InputWarning, stacklevel=2)
         return replace(self, zones=(*self.zones, *zones), sources=(*self.sources, *sources))
 
     def save(self, path: str | FilePath) -> None:

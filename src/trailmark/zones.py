@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from trailmark.arguments import number
+from trailmark.arguments import number, warn_of_degrees
 from trailmark.errors import WorldError
 from trailmark.se2 import wrap
 from trailmark.shapes import Polygon, shape_of
@@ -102,6 +102,7 @@ class OneWayZone(_Zone):
         super().__post_init__()
         self._check("heading")
         self._check("tolerance", minimum=0.0, maximum=math.pi)
+        warn_of_degrees(self.heading, "one-way zone: heading")
         object.__setattr__(self, "heading", float(wrap(self.heading)))
 
 

@@ -38,9 +38,10 @@ def test_native_planners_are_known_where_they_are_built(monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("given", "problem"),
     [
-        (["PMR"], r"^planner: expected AORRTC, .*, got 'PMR' \(did you mean 'PRM'"),
+        (["PMR"], r"^planner: expected PRM, got 'PMR' \(did you mean 'PRM'"),
+        (["Foo"], r"^planner: expected all, landmark, lattice, paper, roadmap, roadmap-uniform, got 'Foo', or one of"),
         (["PRM+certain"], "did you mean 'PRM.certified'"),
-        (["landmark+certified"], r"^planner: expected AORRTC, .*, got 'landmark\+certified'"),
+        (["landmark+certified"], r"^planner: expected .*, got 'landmark\+certified'"),
         (["native:PRM"], "the native program is not built"),
         (["nosuchmodule:plan"], "there is no module 'nosuchmodule'"),
         ([], "no planner given"),
@@ -92,7 +93,7 @@ def test_parameters_are_checked_and_named_as_given() -> None:
         ("landmark:sweeps=0", "planner landmark: sweeps: expected a whole number, 1 or more, got 0"),
         ("landmark:placement=samples", "setting: expected .*, got 'placement'"),
         ("json:dumps:a=1", "expected no parameters, for 'json:dumps' takes none"),
-        ("PMR:range=1", "planner: expected AORRTC, .*, got 'PMR'"),
+        ("PMR:range=1", "planner: expected PRM, got 'PMR'"),
     ],
 )
 def test_other_parameters_are_refused(name: str, problem: str) -> None:

@@ -65,3 +65,17 @@ def test_a_mask_that_is_none_is_refused(
     assert (run.status, run.out) == (2, "")
     assert run.err.count("\n") == 1
     assert "no mask: expected nav2 map YAML" in run.err
+
+
+def test_a_keep_out_mask_beside_the_map_is_warned_of(shell: Shell, yard: Path, mask: Path) -> None:
+    assert shell("worlds", "show", yard, "--keepout", mask).err == ""
+    for before, after in (("origin: [0, 0, 0]", "origin: [50, 0, 0]"), ("occupied_thresh: 1.0", "negate: 1")):
+        text = mask.read_text()
+        mask.write_text(text.replace(before, after).replace("negate: 1", "negate: 1\noccupied_thresh: 1.0"))
+        image = np.asarray(Image.open(mask.with_name("mask.pgm")))
+        if "negate" in after:  # nothing is occupied
+            Image.fromarray(np.zeros_like(image)).save(mask.with_name("mask.pgm"))
+        run = shell("worlds", "show", yard, "--keepout", mask)
+        assert (run.status, run.err.count("\n")) == (0, 1)
+        assert "the keep-out mask covers nothing of the map" in run.err
+        mask.write_text(text)

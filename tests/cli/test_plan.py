@@ -145,6 +145,13 @@ def test_without_a_path_there_are_no_rows_to_write(
     assert run.status == 3
     assert "written" not in run.out
     assert list(tmp_path.iterdir()) == [yard]
+    assert run.err.splitlines() == [f"trailmark: {tmp_path / f'path{suffix}'}: not written, for there is no path"]
+    planner.status = "solved"
+    assert shell("plan", yard, "--output", tmp_path / f"path{suffix}").status == 0
+    planner.status = "timeout"
+    run = shell("plan", yard, "--output", tmp_path / f"path{suffix}")
+    assert (run.status, len(run.err.splitlines())) == (3, 1)
+    assert "what it holds is older, and left as it is" in run.err
 
 
 @pytest.mark.slow
@@ -337,3 +344,18 @@ def test_messages_of_several_lines_become_one(shell: Shell, yard: Path, planner:
 
     planner.action = staticmethod(fail)
     assert shell("plan", yard).problem == r"first second \x1b[31mred"
+
+
+@pytest.mark.parametrize(("ends", "words"), [("[9, 5, 90]", []), ("[9, 5, 1.5]", ["--goal-tolerance", "0.1,10"])])
+def test_angles_in_degrees_are_warned_of_in_one_line(
+    shell: Shell, yard: Path, planner: Any, ends: str, words: list[str]
+) -> None:
+    yard.write_text(re.sub(r"goal: \[.*?\]", f"goal: {ends}", yard.read_text(), count=1))
+    run = shell("plan", yard, *words)
+    assert (run.status, run.err.count("\n")) == (0, 1)
+    assert "is taken as radians; are they degrees" in run.err
+
+
+def test_an_option_in_degrees_is_warned_of_once(shell: Shell, yard: Path, planner: Any) -> None:
+    run = shell("plan", yard, "--start", "1,1,0", "--goal", "9,5,90", "--goal-tolerance", "0.1")
+    assert run.err.count("\n") == run.err.count("taken as radians") == 1

@@ -124,6 +124,25 @@ def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("closed", [(1,), (0, 1, 2)], ids=["stdout", "all"])
+def test_closed_streams_change_neither_files_nor_status(yard: Path, tmp_path: Path, closed: tuple[int, ...]) -> None:
+    file = tmp_path / "path.csv"
+
+    def status(*words: object) -> int:
+        program = "import os, sys; [os.close(int(n)) for n in sys.argv[1]]; os.execv(sys.argv[2], sys.argv[2:])"
+        numbers = "".join(map(str, closed))
+        command = [sys.executable, "-c", program, numbers, *COMMAND, *map(str, words)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.stdout, done.stderr) == ("", "")
+        return done.returncode
+
+    assert status("plan", yard, "--max-iterations", "1", "--output", file) == 0
+    assert file.read_text().startswith("x,y,theta\n")
+    assert status("check", yard, file) == 0
+    assert status("check", yard, file, "--robot", "disc:2") == 5
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device /dev/full")
 def test_a_full_disk_is_one_line() -> None:
     with Path("/dev/full").open("w") as full:
@@ -296,3 +315,11 @@ def test_what_is_wrong_with_trailmark_itself_is_reported_in_one_line(
     assert run.status == 0
     # Once while kernels are warmed up, once in earnest.
     assert set(run.err.splitlines()) == {"trailmark: warning: a path that was found is not free"}
+
+
+def test_help_shows_brackets_and_whole_summaries(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    commands = shell("--help").out.partition("Commands:")[2]
+    assert "..." not in commands
+    assert "how near does it come." in " ".join(commands.split())
+    assert "'[[x, y]," in shell("plan", "--help").out

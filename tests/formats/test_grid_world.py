@@ -93,3 +93,13 @@ def test_other_grids_are_refused_in_one_line(arguments: tuple[Any, ...], problem
     with pytest.raises(TrailmarkError, match=problem) as caught:
         World.from_grid(*arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_masked_cells_are_not_free() -> None:
+    cells = np.ma.zeros((2, 3), np.int8)
+    cells[:, 1] = np.ma.masked
+    unknown = World.from_grid(cells.filled(-1), 1.0).obstacles
+    assert len(unknown) == 1
+    assert World.from_grid(cells, 1.0).obstacles == unknown
+    assert World.from_grid(cells.astype(bool), 1.0).obstacles == unknown
+    assert World.from_grid(list(cells), 1.0).obstacles == unknown

@@ -17,7 +17,7 @@ from PIL import Image
 
 from trailmark.errors import FormatError
 from trailmark.formats import load_world
-from trailmark.formats.nav2_map import free_cells
+from trailmark.formats.nav2_map import free_cells, unknown_taken_for_free
 from trailmark.formats.schema import MapFile
 from trailmark.world import World
 
@@ -344,3 +344,15 @@ def test_published_maps(shared_data: Path, name: str, free_at_most: str, origin:
     assert world.name == name
     assert world.robot is None
     assert world.boundary is None
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+def test_unknown_cells_that_a_threshold_makes_free_are_told(tmp_path: Path, mode: str) -> None:
+    def told(picture: Image.Image, **keys: Any) -> str:
+        return unknown_taken_for_free(load_world(write_map(tmp_path, picture, mode=mode, **keys)).sources)
+
+    picture = grey([205, 205, 254], [0, 205, 254])
+    assert told(picture, free_thresh=0.196) == ""
+    assert "3 cells of grey 205, which map savers write for unknown, are free" in told(picture, free_thresh=0.25)
+    assert told(picture, free_thresh=0.25, negate=1) == ""
+    assert told(grey([206, 254]), free_thresh=0.25) == ""

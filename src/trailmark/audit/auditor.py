@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +14,7 @@ from trailmark.arguments import one_of
 from trailmark.audit.attribution import Attribution, merged
 from trailmark.audit.depth import Penetration, deepest, first_rise
 from trailmark.audit.one_way import wrong_ways
-from trailmark.audit.result import Collision, PathAudit
+from trailmark.audit.result import Collision, PathAudit, Undrivable
 from trailmark.audit.scale import Scale
 from trailmark.audit.verdict import colliding_parts
 from trailmark.collision import StateChecker
@@ -35,6 +36,13 @@ WITHIN = 5e-7
 
 STILL = 1e-9
 """Metres, and radians, below which a robot does not move, or turn: rounding has no curvature."""
+
+DIGITS = 2e-3
+"""Metres, and radians, that a motion may be off what a drive makes of it, and as much again for each metre: those of
+files of few digits."""
+
+SMOOTH = 0.25
+"""Turning radii up to which a motion may be one piece of a car's curve, whose states are so far apart."""
 
 REMEMBERED = 2
 """Auditors that :func:`check_path` keeps, so that one who asks for path after path builds none anew."""
@@ -112,6 +120,7 @@ class PathAuditor:
             rotation=given.rotation,
             cost=given.cost if self.checker.robot.turning_radius is None else given.length,
             max_curvature=_max_curvature(states),
+            undrivable=_undrivable(states, self.checker.robot),
             **(_maneuvers(given) if self.checker.robot.turning_radius is not None else {}),
         )
 
@@ -140,6 +149,42 @@ def _maneuvers(path: Path) -> dict[str, Any]:
     ahead = np.cos(heading) * move[:, 0] + np.sin(heading) * move[:, 1]
     changes = np.count_nonzero(np.diff(np.sign(ahead[ahead != 0.0])))
     return {"direction_changes": int(changes), "reverse_length": float(np.maximum(-ahead, 0.0).sum())}
+
+
+def _undrivable(states: se2.FloatArray, robot: Robot) -> tuple[Undrivable, ...] | None:
+    """Return the motions that a robot cannot make, which drives along its heading on straight lines and arcs.
+
+    An arc's chord points half way between the headings at its ends. A car's states may lie on either side of where one
+    arc becomes another.
+    """
+    if robot.drive == "omnidirectional":
+        return None
+    moves = se2.difference(states[:-1], states[1:])
+    length, turned = np.hypot(moves[:, 0], moves[:, 1]), np.abs(moves[:, 2])
+    heading = states[:-1, 2] + 0.5 * moves[:, 2]
+    ahead = np.cos(heading) * moves[:, 0] + np.sin(heading) * moves[:, 1]
+    beside = np.abs(np.cos(heading) * moves[:, 1] - np.sin(heading) * moves[:, 0])
+    within = DIGITS * (1.0 + length)
+    curvature = np.inf if robot.turning_radius is None else 1.0 / robot.turning_radius
+    bend = length * curvature if robot.turning_radius is not None else np.zeros(len(length))
+    sideways = beside > within + np.where(bend < SMOOTH, 0.5 * bend * length, 0.0)
+    backwards = (ahead < -within) & (not robot.reverse)
+    tight = (length > 0.0) & (2.0 * np.sin(0.5 * turned) > np.maximum(length, within) * curvature + within)
+    if robot.turning_radius is not None:
+        tight |= (length <= within) & (turned > within * (1.0 + curvature))
+    along = np.concatenate([[0.0], np.cumsum(length)])
+    found = []
+    for i in np.flatnonzero(sideways | backwards | tight).tolist():
+        if sideways[i]:
+            why = f"sideways by {math.degrees(math.atan2(beside[i], abs(ahead[i]))):.0f} degrees"
+        elif backwards[i]:
+            why = "backwards"
+        elif length[i] <= within[i]:
+            why = "a turn in place"
+        else:
+            why = f"a turn of radius {length[i] / (2.0 * math.sin(0.5 * turned[i])):.3g} m"
+        found.append(Undrivable(i, float(along[i]), float(along[i + 1]), why))
+    return tuple(found)
 
 
 def check_path(world: World, robot: Robot | None, path: Path | ArrayLike) -> PathAudit:

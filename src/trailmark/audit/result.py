@@ -1,14 +1,13 @@
 """PathAudit: what an audit of a path says."""
 
-# Tested by tests/audit/test_auditor.py.
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from trailmark.path import Path
 
-__all__ = ["Collision", "PathAudit"]
+__all__ = ["Collision", "PathAudit", "Undrivable"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,23 @@ class Collision:
 
 
 @dataclass(frozen=True)
+class Undrivable:
+    """A motion of a path that the robot's drive cannot make.
+
+    Attributes:
+        motion: its index: 0 is the first one.
+        begin: where it begins: metres along the path, by the length of its xy curve.
+        end: where it ends.
+        why: ``sideways by 90 degrees``, ``backwards``, ``a turn in place`` or ``a turn of radius 1 m``.
+    """
+
+    motion: int
+    begin: float
+    end: float
+    why: str
+
+
+@dataclass(frozen=True)
 class PathAudit:
     """What an audit of a path found.
 
@@ -53,6 +69,8 @@ class PathAudit:
             the circle which both states lie on; infinite where it turns in place.
         direction_changes: how often a robot with a turning radius changes between forwards and backwards; else None.
         reverse_length: metres that it drives backwards.
+        undrivable: the motions that a differential drive or a car cannot make, in their order; None of another robot.
+            Such a path is ``free`` all the same where nothing is met.
     """
 
     path: Path = field(repr=False)
@@ -68,6 +86,7 @@ class PathAudit:
     lower_bound: float | None = None
     direction_changes: int | None = None
     reverse_length: float | None = None
+    undrivable: tuple[Undrivable, ...] | None = None
 
     def to_dict(self, world: str) -> dict[str, Any]:
         """Return the record that ``check --json`` prints, made of plain numbers, strings and lists.
@@ -89,4 +108,5 @@ class PathAudit:
             "lower_bound": self.lower_bound,
             "max_curvature": self.max_curvature if self.max_curvature < float("inf") else None,
             **(car if self.direction_changes is not None else {}),
+            **({} if self.undrivable is None else {"undrivable": [asdict(motion) for motion in self.undrivable]}),
         }

@@ -6,8 +6,9 @@ import importlib.util
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from trailmark.benchmark.errors import SuiteError
@@ -62,10 +63,19 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
             _require_module(name)
             chosen[name] = None
         else:
-            raise SuiteError(f"planner: {expected_name(name, [*known, 'all'])}")
+            raise SuiteError(f"planner: {_near(name, [*known, 'all'])}")
     if not chosen:
         raise SuiteError(f"no planner given; expected {', '.join([*known, 'all'])}")
     return list(chosen)
+
+
+def _near(name: str, known: Sequence[str]) -> str:
+    """Return what was expected in place of a name: the names near it, else where all are listed."""
+    spelt = {other.lower(): other for other in known}
+    if near := [spelt[other] for other in get_close_matches(name.lower(), spelt, n=6)]:
+        return expected_name(name, near)
+    own = [other for other in known if other.islower()]
+    return f"{expected_name(name, own)}, or one of OMPL's, such as RRTConnect (see 'trailmark benchmark --help')"
 
 
 def settings_of(name: str, *, first: bool = False) -> str:

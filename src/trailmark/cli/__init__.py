@@ -1,8 +1,8 @@
 """The shell command ``trailmark``: one file per command, heavy imports inside the commands.
 
 A new command is a new file here and one line below. Exit status: 0 done, 2 bad input or usage (one line on
-stderr), 3 no path found within the time limit, 4 proven infeasible, 5 a path that was checked collides, 130
-interrupted, 141 the reader of stdout went away, 143 terminated.
+stderr), 3 no path found within the time limit, 4 proven infeasible, 5 a path that was checked collides or is none that
+the robot can drive, 130 interrupted, 141 the reader of stdout went away, 143 terminated.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from trailmark.cli import (
     worlds,
 )  # a command's file has its name
 from trailmark.cli.options import UsageError
-from trailmark.errors import InternalErrorWarning, TrailmarkError
+from trailmark.errors import InputWarning, InternalErrorWarning, TrailmarkError
 
 __all__ = ["app", "main"]
 
@@ -88,6 +88,7 @@ def main(args: Sequence[str] | None = None) -> int:
         args: the words after ``trailmark``; default: those of this process.
     """
     atexit.register(_end_quickly)
+    console.open_closed_streams()
     with _signals() as received, _rare_collections():
         try:
             return _run(sys.argv[1:] if args is None else args)
@@ -116,6 +117,8 @@ def _run(words: Sequence[str]) -> int:
     command = typer.main.get_command(app)
     # The list of commands is plain text: rich, which sets the options of each in panels, is half of its time.
     command.rich_markup_mode = None  # type: ignore[attr-defined] # typer's own attribute of a group
+    for each in command.commands.values():  # type: ignore[attr-defined] # a group's
+        each.short_help = (each.help or "").partition("\n\n")[0]  # given, it is wrapped and not cut
     if _COMPLETE in os.environ:
         return int(command.main(list(words), "trailmark", _COMPLETE, standalone_mode=False) or 0)
     status = 0
@@ -123,11 +126,13 @@ def _run(words: Sequence[str]) -> int:
         # Other libraries' advice to programmers; -W and PYTHONWARNINGS still show it.
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
-        # But trailmark's own internal errors are shown to every user, in one line.
-        warnings.filterwarnings("always", category=InternalErrorWarning)
+        # But trailmark's own are shown to every user, in one line.
+        own = (InputWarning, InternalErrorWarning)
+        for category in own:
+            warnings.filterwarnings("always", category=category)
         shown = warnings.showwarning
         warnings.showwarning = lambda message, category, *rest: (
-            console.warn(str(message)) if category is InternalErrorWarning else shown(message, category, *rest)
+            console.warn(str(message)) if category in own else shown(message, category, *rest)
         )
         try:
             with command.make_context("trailmark", list(words)) as context:

@@ -41,14 +41,14 @@ if TYPE_CHECKING:
 
 __all__ = ["check"]
 
-COLLIDES = 5
-"""Exit status if the path collides."""
+WRONG = 5
+"""Exit status if the path collides, or holds motions that the robot's drive cannot make."""
 
 ZONES = ("keep-out zone ", "one-way zone ")
 """What the names of zones begin with."""
 
 SHOWN = 12
-"""Collisions that the summary lists at most."""
+"""Collisions, and motions that the robot cannot make, that the summary lists at most."""
 
 SLACK = 1e-3
 """Share by which a path's curvature may exceed the robot's: that of circles through states with few digits."""
@@ -87,7 +87,8 @@ def check(
 ) -> None:
     """Audit a path, whoever planned it: is it free, what does it collide with, how near does it come.
 
-    The answer is certified, not sampled. Exit status: 0 free, 5 it collides, 2 bad input.
+    The answer is certified, not sampled. Exit status: 0 free, or repaired; 5 it collides, or holds motions that the
+    drive of the robot cannot make; 2 bad input.
     """
     from trailmark.formats import path_files
     from trailmark.formats.any_path import read_any_path
@@ -117,16 +118,18 @@ def check(
             audit = auditor.audit(recorded)
         except ConfigurationError as error:
             raise FormatError(file, str(error)) from None
-        lower_bound = _lower_bound(auditor, audit)
+        # What another drive does may cost less than this robot's bound.
+        lower_bound = None if audit.undrivable else _lower_bound(auditor, audit)
         record = audit.to_dict(loaded.name) | {"lower_bound": lower_bound}
         written = []
-        fixed = None
+        fixed, final = None, audit
         if output is not None:
             progress.stage("repairing")
             fixed = _repaired(auditor, audit, number, limit)
             if fixed is not None:
                 path_files.write_path(output, fixed)
                 written.append(output)
+                final = auditor.audit(fixed)
         if picture is not None:
             from trailmark.plotting import save_audit_figure
 
@@ -138,7 +141,7 @@ def check(
         console.say(console.json_text(record))
     else:
         _print_summary(record, audit, body, written)
-    raise typer.Exit(0 if audit.free else COLLIDES)
+    raise typer.Exit(0 if final.free and not final.undrivable else WRONG)
 
 
 def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:
@@ -177,7 +180,10 @@ def _repaired(auditor: PathAuditor, audit: PathAudit, seed: int, limit: float) -
 
 
 def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, written: list[Path]) -> None:
+    undrivable = audit.undrivable or ()
     verdict, colour = ("free", "green") if audit.free else ("the path collides", "red")
+    if undrivable:
+        verdict, colour = f"{verdict}, but not drivable" if audit.free else f"{verdict}, and is not drivable", "red"
     console.say(f"{record['world']}: {verdict}", fg=colour, bold=True)
     rows = []
     for hit in audit.collisions[:SHOWN]:
@@ -187,12 +193,19 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
         rows.append(("collision", f"{hit.begin:.4f} to {hit.end:.4f} m along: {name}, {hit.depth:.4g} m deep"))
     if len(audit.collisions) > SHOWN:
         rows.append(("", f"and {len(audit.collisions) - SHOWN:,} more"))
+    for motion in undrivable[:SHOWN]:
+        place = f"motion {motion.motion}, {motion.begin:.4f} to {motion.end:.4f} m along"
+        rows.append(("undrivable", f"{place}: {motion.why}"))
+    if len(undrivable) > SHOWN:
+        rows.append(("", f"and {len(undrivable) - SHOWN:,} more"))
     if audit.free:
         rows.append(("clearance", f"{audit.min_clearance:.6f} m at its least, {audit.min_clearance_at:.4f} m along"))
     bound = record["lower_bound"]
-    above = "" if not bound else f" ({100.0 * (audit.cost / bound - 1.0):.1f} % above the lower bound {bound:.4f})"
+    # A polygon through states on a car's curve is shorter than that.
+    above = bool(bound) and audit.free and audit.cost >= bound
+    gap = f" ({100.0 * (audit.cost / bound - 1.0):.1f} % above the lower bound {bound:.4f})" if above else ""
     rows += [
-        ("cost", f"{audit.cost:.4f}{above if audit.free else ''}"),
+        ("cost", f"{audit.cost:.4f}{gap}"),
         ("length", f"{audit.length:.4f} m"),
         ("rotation", f"{audit.rotation:.4f} rad ({math.degrees(audit.rotation):.0f}°)"),
         ("curvature", _curvature(audit.max_curvature, robot.turning_radius)),

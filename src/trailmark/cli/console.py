@@ -1,6 +1,5 @@
 """What the shell prints: results on stdout; errors on stderr; messages and progress on stderr if it is a terminal."""
 
-# Tested by tests/cli/test_shell.py.
 from __future__ import annotations
 
 import json
@@ -17,7 +16,19 @@ import typer
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-__all__ = ["Progress", "fail", "json_text", "note", "print_table", "progress", "say", "silence_stdout", "warn"]
+__all__ = [
+    "Progress",
+    "fail",
+    "json_text",
+    "not_written",
+    "note",
+    "open_closed_streams",
+    "print_table",
+    "progress",
+    "say",
+    "silence_stdout",
+    "warn",
+]
 
 _PATIENCE = 0.3  # seconds of work before a display appears
 _BAR = 24  # characters
@@ -48,6 +59,12 @@ def note(text: str) -> None:
         typer.echo(_one_line(text), err=True)
 
 
+def not_written(file: Path) -> None:
+    """Say on stderr that there is no path to write, and that what the file holds is not of this run."""
+    old = "; what it holds is older, and left as it is" if file.exists() else ""
+    typer.echo(_one_line(f"trailmark: {file}: not written, for there is no path{old}"), err=True)
+
+
 def fail(problem: str) -> None:
     """Print a problem as one line on stderr."""
     typer.echo(f"{_styled('trailmark: error:', fg='red', bold=True)} {_one_line(problem)}", err=True)
@@ -56,6 +73,15 @@ def fail(problem: str) -> None:
 def warn(problem: str) -> None:
     """Print what is wrong, though the command goes on, as one line on stderr."""
     typer.echo(f"{_styled('trailmark: warning:', fg='yellow', bold=True)} {_one_line(problem)}", err=True)
+
+
+def open_closed_streams() -> None:
+    """Point standard streams that were closed (a daemon, ``>&-``) nowhere, so that no other file gets their numbers."""
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDWR)  # the least free number: this stream's own
+            os.set_inheritable(nowhere, nowhere == number)  # also for the processes of a benchmark
+            setattr(sys, name, os.fdopen(nowhere, mode, encoding="utf-8"))
 
 
 def silence_stdout() -> None:

@@ -57,10 +57,11 @@ class EndOptions(NamedTuple):
         if start is None or not goals:
             given, missing = (f"--start {start!r}", "--goal") if not goals else (f"--goal {goals[0]!r}", "--start")
             raise UsageError(f"{given} given without {missing}; expected both or neither")
-        poses = [_read_goal(goal) for goal in goals]
+        poses = [_within_a_turn(_read_goal(goal)) for goal in goals]
         if within is not None and within[1] > 0.0 and all(len(pose) == 2 for pose in poses):
             raise UsageError(f"--goal-tolerance {tolerance!r}: expected a goal X,Y,T, got --goal {goals[0]!r}")
-        return cls(None, read_configuration(start, "--start"), poses, within)
+        x, y, theta = _within_a_turn(read_configuration(start, "--start"))
+        return cls(None, (x, y, theta), poses, within)
 
     def ends(self, world: World) -> Ends:
         """Return the ends in a world, whose query counts where none are given.
@@ -89,6 +90,11 @@ class EndOptions(NamedTuple):
             Goal(q, position_tolerance=position, heading_tolerance=h) for q, h in zip(poses, headings, strict=True)
         )
         return Ends(name, start, tuple(goals))
+
+
+def _within_a_turn(q: tuple[float, ...]) -> tuple[float, ...]:
+    """Return a configuration whose heading, if it was warned of, nobody warns of again."""
+    return (*q[:2], *(math.remainder(v, 2.0 * math.pi) if abs(v) > 2.0 * math.pi else v for v in q[2:]))
 
 
 def _read_goal(text: str) -> tuple[float, ...]:

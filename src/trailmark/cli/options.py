@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -64,6 +65,7 @@ UsageError: Any = typer.BadParameter.__mro__[1]
 
 def option(name: str, metavar: str, help: str, *aliases: str, default: bool = False) -> Any:  # noqa: A002  # typer's name
     """Return an option that takes a text, for ``Annotated``; ``default`` says whether the help shows its default."""
+    help = re.sub(r"(?=\[[a-z])", r"\\", help)  # noqa: A001  # to rich, a bracket and a letter begin a style
     return typer.Option(*aliases, name, metavar=metavar, help=help, show_default=default)
 
 
@@ -315,9 +317,13 @@ def load_world(text: str) -> World:
     Raises:
         TrailmarkError: there is none, or the file does not hold what it should.
     """
+    from trailmark.formats.nav2_map import unknown_taken_for_free
     from trailmark.world import World
 
-    return World.load(text)
+    world = World.load(text)
+    if problem := unknown_taken_for_free(world.sources):
+        console.warn(problem)
+    return world
 
 
 def grown_for(world: World, robot: Robot) -> World:

@@ -299,7 +299,7 @@ def _write_path(
     elif file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json"):
         write_atomically(file, console.json_text(record) + "\n")
     else:
-        console.note(f"{file}: not written, for there is no path")
+        console.not_written(file)
         return False
     return True
 

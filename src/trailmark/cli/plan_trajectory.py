@@ -102,7 +102,7 @@ class Timing:
         asked = [file for file in (self.table, self.animation) if file is not None]
         if result.path is None:
             for file in asked:
-                console.note(f"{file}: not written, for there is no path")
+                console.not_written(file)
             return [], {}
         if not asked:
             return [], {}

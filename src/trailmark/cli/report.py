@@ -21,7 +21,8 @@ def report(
 ) -> None:
     """Summarise benchmark results.
 
-    It reads the database only, so that it works on any machine, also while the benchmark is still running.
+    It reads the database only, so that it works on any machine, also while the benchmark is still running. Without a
+    file to write it prints the summary.
     """
     page = output_file(html, (".html", ".htm"))
     protect_inputs([Path(results)], page)

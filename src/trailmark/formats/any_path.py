@@ -19,6 +19,8 @@ from trailmark.path import Path
 __all__ = ["PathFile", "read_any_path"]
 
 _HEADINGS = ("theta", "yaw", "heading")
+_UNIT = re.compile(r"[ \t]*[\[(](?:m|rad)[\])]")
+_NAME = re.compile(r"\s*[\"']?[\w./-]+(?: ?[\[(][^\[(]*[\])])?[\"']?\s*")
 _DEPTH = 6
 """Levels of mappings in which a message's poses are sought: they may be wrapped by an action's result or a bridge."""
 
@@ -51,7 +53,9 @@ def read_any_path(path: FilePath) -> PathFile:
     - YAML: the same message, as ``ros2 topic echo`` prints it; of several, set off by ``---``, the last complete one.
     - CSV: columns x, y and theta (or yaw, or heading) by their header, in which ``[m]`` and ``[rad]`` may follow, as
       in trajectories that trailmark writes; or three columns without a header.
-    - Rows ``x y theta``, as OMPL's ``printAsMatrix`` writes them; empty lines and those that begin with # are skipped.
+    - Rows ``x y theta``, as OMPL's ``printAsMatrix`` writes them.
+    - In both, empty lines and comments (#) are skipped, but for one above the rows that names their columns, such as
+      numpy.savetxt's ``# theta,x,y``: it is the header.
 
     Raises:
         FormatError: a missing or unreadable file, no states, or what is none of these; the message says where.
@@ -183,22 +187,24 @@ def _state_of_pose(entry: Any, i: int, path: FilePath) -> list[float]:
 def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
     """Return the states of rows, whose columns are set off by commas, semicolons or blanks."""
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
-    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    first = next((i for i, (_, line) in enumerate(lines) if line and not line.startswith("#")), len(lines))
+    comments = [(number, line) for number, line in lines[:first] if line]
+    lines = [(number, line) for number, line in lines[first:] if line and not line.startswith("#")]
     if not lines:
         return []
     separator = next((mark for mark in ",;" if mark in lines[0][1]), None)
-    words = (name.strip().strip("\"'").lower() for name in lines[0][1].split(separator))
-    names = [word.removesuffix(" [m]").removesuffix(" [rad]") for word in words]
+    names = _names(lines[0][1], separator)
     columns, count = [0, 1, 2], 3
     if not any(map(_is_number, names)):
-        heading = next((name for name in _HEADINGS if name in names), None)
-        if heading is None or not {"x", "y"} <= set(names):
+        named, count = _columns(names), len(names)
+        if named is None:
             given = brief(lines[0][1])
             raise FormatError(
                 path, f"no path; {_ALLOWED} and columns x, y, theta (or yaw, heading), got {given}", lines[0][0]
             )
-        columns, count = [names.index(name) for name in ("x", "y", heading)], len(names)
-        lines = lines[1:]
+        columns, lines = named, lines[1:]
+    else:
+        columns, count = _commented_columns(comments, separator, len(names), path) or (columns, count)
     states = []
     for number, line in lines:
         fields = line.split(separator)
@@ -209,6 +215,49 @@ def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
             )
         states.append(row)
     return states
+
+
+def _names(line: str, separator: str | None) -> list[str]:
+    """Return a line's fields as names of columns: without quotes, and without the units that are expected."""
+    words = (_UNIT.sub("", line) if separator is None else line).split(separator)
+    return [_UNIT.sub("", word.strip().strip("\"'").lower()) for word in words]
+
+
+def _columns(names: list[str]) -> list[int] | None:
+    """Return which columns are x, y and the heading; None if not all three are named."""
+    heading = next((name for name in _HEADINGS if name in names), None)
+    return [names.index(name) for name in ("x", "y", heading)] if heading and {"x", "y"} <= set(names) else None
+
+
+def _commented_columns(
+    comments: list[tuple[int, str]], separator: str | None, count: int, path: FilePath
+) -> tuple[list[int], int] | None:
+    """Return the columns that comments above the first row name, as numpy.savetxt writes a header, and their number.
+
+    None where they name none.
+
+    Raises:
+        FormatError: a comment that names columns, but not so that they could be told.
+    """
+    problem: FormatError | None = None
+    for number, line in reversed(comments):
+        text = line.lstrip("# ")
+        for mark in dict.fromkeys((separator, ",", ";", None)):
+            columns = _columns(names) if len(names := _names(text, mark)) == count else None
+            if columns is not None:
+                return columns, count
+        words = [word for word in re.findall(r"\w+", text.lower()) if word in ("x", "y", *_HEADINGS)]
+        fields = text.split(separator)
+        alike = len(fields) == count and (all(map(_NAME.fullmatch, fields)) if separator else len(words) > 1)
+        alike = alike or (len(text.split()) == count and len(words) > 1)
+        # Words of a sentence may name them in the order that rows without a header have.
+        in_order = count == 3 and words[:2] == ["x", "y"]
+        if alike or (len(words) > 1 and not in_order):
+            named = f"{count} columns with x, y, theta (or yaw, heading) among them"
+            problem = FormatError(path, f"a comment that names columns: expected {named}, got {brief(line)}", number)
+    if problem is not None:
+        raise problem
+    return None
 
 
 def _is_number(text: str) -> bool:

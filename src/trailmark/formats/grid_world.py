@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +28,8 @@ def world_of_grid(cells: ArrayLike, resolution: float, origin: Sequence[float], 
     Raises:
         WorldError: an array of another shape or kind, a resolution that is not above 0, or too many cells.
     """
-    grid = np.asarray(cells)
+    masked: Any = np.ma.asarray(cells)  # also of a list of masked rows
+    grid = np.asarray(masked.data)
     if grid.ndim != 2 or grid.dtype.kind not in "biu":
         allowed = "truth values or whole numbers of shape (rows, columns)"
         hint = " (compare them with a threshold)" if grid.dtype.kind == "f" else ""
@@ -42,7 +44,7 @@ def world_of_grid(cells: ArrayLike, resolution: float, origin: Sequence[float], 
         if isinstance(error, WorldError):
             raise
         raise WorldError(f"grid: origin: expected x, y or x, y, yaw, got {brief(origin)}") from None
-    obstacles = CellObstacles(grid != 0, cell, (x, y, yaw)).as_tuple()
+    obstacles = CellObstacles((grid != 0) | np.ma.getmaskarray(masked), cell, (x, y, yaw)).as_tuple()
     width, height = columns * cell, rows * cell
     if yaw == 0.0:
         return World(name, (x, y, x + width, y + height), obstacles)

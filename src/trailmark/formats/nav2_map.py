@@ -7,7 +7,7 @@ both become obstacles.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -25,11 +25,14 @@ if TYPE_CHECKING:
 
     from trailmark.formats.schema import MapFile
 
-__all__ = ["free_cells", "occupancy", "pixels_of", "read_grid", "read_image", "read_nav2_map"]
+__all__ = ["free_cells", "occupancy", "pixels_of", "read_grid", "read_image", "read_nav2_map", "unknown_taken_for_free"]
 
 T = TypeVar("T", bound=np.generic)
 
 IMAGE_KINDS = {"PPM": "PGM/PBM/PPM", "PNG": "PNG", "BMP": "BMP", "JPEG": "JPEG"}
+
+UNKNOWN = 205
+"""The grey that map_saver writes for unknown cells."""
 
 _ROWS_AT_ONCE = 256  # bounds the memory for one image's brightness values
 
@@ -91,6 +94,39 @@ def _world(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> 
     except WorldError as error:
         raise FormatError(image, str(error)) from None
     return replace(world, sources=sources)
+
+
+def unknown_taken_for_free(sources: Sequence[Path]) -> str:
+    """Return a sentence on cells of a nav2 map that are free though they are of the grey of unknown ones, or nothing.
+
+    Args:
+        sources: files of a world: a nav2 map's are its YAML file and its image.
+
+    Raises:
+        FormatError: as :func:`read_nav2_map`.
+    """
+    from trailmark.formats.files import read_text
+    from trailmark.formats.schema import MapFile
+    from trailmark.formats.validation import validate
+    from trailmark.formats.yaml_data import parse_yaml
+
+    if len(sources) < 2 or sources[0].suffix.lower() not in (".yaml", ".yml"):
+        return ""
+    data = parse_yaml(read_text(sources[0]), sources[0])
+    if not isinstance(data, dict) or "image" not in data:
+        return ""
+    file = validate(MapFile, data, sources[0])
+    if file.mode == "raw" or file.negate or file.free_thresh < (255 - UNKNOWN) / 255:
+        return ""
+
+    def grey(image: Image) -> NDArray[np.bool_]:
+        values, full, _ = _channels(image)
+        return np.asarray((full == 255) & (values[..., :3] == UNKNOWN).all(axis=-1) & free_cells(image, file))
+
+    if not (count := int(np.count_nonzero(pixels_of(sources[1], grey)))):
+        return ""
+    what = f"{count:,} cells of grey {UNKNOWN}, which map savers write for unknown, are free"
+    return f"{sources[0]}: {what} by free_thresh {file.free_thresh:g}; 0.196 keeps them out"
 
 
 def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from trailmark import se2
 from trailmark.goals import Ends, goals_of
 from trailmark.planning.goal_search import answer_goals
 from trailmark.planning.leaving import leave
@@ -27,6 +28,7 @@ def answer(model: WorldModel, start: ArrayLike, goal: Ends, time_limit: float, *
     Raises:
         ConfigurationError: start or goal is not valid; a start in keep-out zones is, if it is without them.
     """
+    se2.configurations(start, name="start", by_hand=True)
     goals = goals_of(goal)
     plan: Any = answer_query if goals is None else answer_goals
     zones = zones_at(model.checker, start)

@@ -120,7 +120,7 @@ class WorldModel:
 
     def valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
         """Return start and goal, shape (2, 3), both valid, or raise a ConfigurationError."""
-        ends = [se2.configurations(start, name="start"), se2.configurations(goal, name="goal")]
+        ends = [se2.configurations(start, name="start"), se2.configurations(goal, name="goal", by_hand=True)]
         if all(q.ndim == 1 for q in ends):
             pair = np.array(ends)
             if self.checker.states_free(pair).all():
@@ -133,7 +133,10 @@ class WorldModel:
 
         A start in keep-out zones is valid if it is without them; the goals of ``any_goal`` are not looked at.
         """
-        rows = [np.atleast_2d(se2.configurations(q, name=name)) for q, name in ((starts, "starts"), (goals, "goals"))]
+        rows = [
+            np.atleast_2d(se2.configurations(q, name=name, by_hand=True))
+            for q, name in ((starts, "starts"), (goals, "goals"))
+        ]
         if rows[0].shape != rows[1].shape:
             raise ConfigurationError(f"goals: expected {len(rows[0])}, as many as starts, got {len(rows[1])}")
         # FCL, which decides what touches, is one thread's at a time.

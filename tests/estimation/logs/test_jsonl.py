@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from tests.support.trials import few
 
 from trailmark.errors import FormatError, OutputError
 from trailmark.estimation.logs import load_log, save_log
-from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
+from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan, with_own_times
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 lengths = st.floats(0.0, allow_nan=False, allow_infinity=False)
@@ -229,3 +230,56 @@ def test_what_could_not_be_read_is_not_written(tmp_path: Path, record: Record) -
 def test_nowhere_to_write(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         save_log(Log("a", (Odometry(0.0, 0.0, 0.0),), np.empty((0, 3))), tmp_path / "no" / "a.jsonl")
+
+
+def a_drive(clock: float, offset: float = 0.0) -> list[Record]:
+    """Ten instants a second, at each a motion and a reading of feature 7, stamped by a clock of these ticks."""
+    records: list[Record] = []
+    for k in range(40):
+        t = math.floor((0.1 * k + offset) / clock + 1e-9) * clock
+        records += [Odometry(t, 1.0 + 0.01 * k, 0.0), Detection(t, np.array([9.0 - 0.1 * k, 0.0]), identity=7)]
+    return records
+
+
+@pytest.mark.parametrize("clock", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("offset", [0.0, 0.7])
+def test_a_coarse_clocks_records_keep_their_order_and_get_times_of_their_own(
+    tmp_path: Path, clock: float, offset: float
+) -> None:
+    drive = a_drive(clock, offset)
+    save_log(Log("coarse", tuple(drive), np.empty((0, 3))), tmp_path / "log.jsonl")
+    log = load_log(tmp_path / "log.jsonl")
+    times = [record.t for record in log.records]
+    assert times == pytest.approx([0.1 * (k // 2) + offset for k in range(80)])
+    assert [r._replace(t=0.0) for r in log.records if isinstance(r, Odometry)] == [
+        r._replace(t=0.0) for r in drive if isinstance(r, Odometry)
+    ]
+    assert len(log.notes) == 1
+    assert with_own_times(log) is log
+
+
+def test_equal_motions_of_one_stamp_are_kept_where_other_things_were_read_after_each() -> None:
+    motion = Increment(1.0, 0.1, 0.0, 0.0)
+    first, second = (Detection(1.0, np.array([r, 0.0]), identity=7) for r in (2.0, 1.9))
+    records = (Pose(0.0, 0.0, 0.0, 0.0), motion, first, motion, second, motion._replace(t=2.0))
+    log = with_own_times(Log("log", records, np.empty((0, 3))))
+    assert [record.t for record in log.records] == [0.0, 1.0, 1.0, 1.5, 1.5, 2.0]
+    # The same part of a log twice is no second motion.
+    twice = Log("log", (records[0], motion, first, motion, first), np.empty((0, 3)))
+    assert with_own_times(twice) is twice
+
+
+def test_stamps_of_a_fine_clock_stay() -> None:
+    a, b = a_drive(0.1), a_drive(0.1)
+    # A recorder that wrote the velocity after the reading, and one that wrote a row twice, with another digit.
+    swapped = [record for pair in zip(a[1::2], a[::2], strict=True) for record in pair]
+    for records in (swapped, [b[0], b[0]._replace(v=9.0), *b[1:]]):  # type: ignore[call-arg]  # both are velocities
+        log = Log("log", tuple(records), np.empty((0, 3)))
+        assert with_own_times(log) is log
+
+
+def test_velocities_without_a_clock(tmp_path: Path) -> None:
+    rows = [{"type": "odometry", "t": 0.0, "v": k, "omega": 0.0} for k in range(5)]
+    path = write(tmp_path / "log.jsonl", *map(json.dumps, rows))
+    with pytest.raises(FormatError, match="expected velocities with times of their own, got 0 s for all"):
+        load_log(path)

@@ -145,6 +145,12 @@ def test_several_rows_that_go_back(tmp_path: Path) -> None:
     assert log.records[-1] == Odometry(12.0, 2.0, 2.0)
 
 
+def test_whole_second_stamps_are_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{10 + k // 5} 0.{k} 0\n" for k in range(30))
+    with pytest.raises(FormatError, match=r"expected a stamp for each velocity, got 10.0 for several"):
+        load_log(folder(tmp_path, Robot1_Odometry=rows))
+
+
 @cache
 def third(folder: Path) -> Log:
     return load_log(folder, robot=3, skip_bad=True)

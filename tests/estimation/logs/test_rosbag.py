@@ -236,6 +236,45 @@ def test_a_stamp_of_zero_is_the_time_of_receipt(tmp_path: Path) -> None:
     assert [(type(r), r.t) for r in log.records] == [(Pose, 10.0), (Scan, 10.5), (Increment, 11.0)]
 
 
+def test_a_clock_that_begins_at_zero(tmp_path: Path) -> None:
+    bag = Bag("ros1")
+    messages = [
+        bag.odometry(1000.0, (0, 0, 0), stamp=0.0),
+        bag.odometry(1001.0, (1, 0, 0), stamp=1.0),
+        replaced(bag.scan(0.0, [1.0]), 1000.0),
+        replaced(bag.scan(0.5, [1.0]), 1000.5),
+    ]
+    log = load_log(bag.write(tmp_path, messages))
+    assert [(type(r), r.t) for r in log.records] == [(Pose, 0.0), (Scan, 0.0), (Scan, 0.5), (Increment, 1.0)]
+
+
+def test_a_stamp_of_zero_among_others_is_late(tmp_path: Path) -> None:
+    bag = Bag("ros1")
+    messages = [bag.odometry(10.0, (0, 0, 0)), bag.odometry(11.0, (1, 0, 0), stamp=0.0), bag.scan(10.0, [1.0])]
+    with pytest.raises(FormatError, match=r"message 2 of /odom: time: expected 10.0 or later, got 0.0"):
+        load_log(bag.write(tmp_path, messages))
+
+
+def test_stamps_that_repeat(tmp_path: Path) -> None:
+    bag = Bag("ros1")
+    good = [bag.odometry(10.0, (0, 0, 0)), bag.scan(10.0, [1.0]), bag.odometry(11.0, (1, 0, 0))]
+    again = [bag.odometry(10.2, (0.2, 0, 0), stamp=10.0), replaced(bag.scan(10.0, [2.0]), 10.2)]
+    for i, message in enumerate(again):
+        (tmp_path / str(i)).mkdir()
+        with pytest.raises(FormatError, match=r"message 2 of /\w+: stamp: expected one of its own, got 10 s"):
+            load_log(bag.write(tmp_path / str(i), [*good, message]))
+    log = load_log(bag.write(tmp_path, [*good, *again, replaced(good[1], 10.3)]), skip_bad=True)
+    assert log.dropped == 2
+    # What is written twice is no contradiction.
+    assert [type(r) for r in log.records] == [Pose, Scan, Scan, Increment]
+
+
+def replaced(message: Message, received: float) -> Message:
+    """The message, received at another time than it is stamped with."""
+    topic, name, _, data = message
+    return topic, name, received, data
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_topics(tmp_path: Path, kind: Kind) -> None:

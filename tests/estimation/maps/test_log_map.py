@@ -36,6 +36,7 @@ from trailmark.estimation import (
 )
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.mapped_log import MappedLog
+from trailmark.se2 import compose
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
@@ -341,6 +342,43 @@ def test_progress_reaches_its_end() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+@pytest.mark.parametrize("velocities", [False, True])
+def test_whole_second_stamps_change_nothing(velocities: bool) -> None:
+    marks = {0: (-3.0, 0.0), 1: (4.0, 3.0), 2: (6.0, -3.0), 3: (0.0, 5.0), 4: (0.0, -5.0)}
+    off = {}
+    for tick in (0.1, 1.0):
+        rng, pose, records = np.random.default_rng(0), np.zeros(3), list[Record]()
+        for k in range(60):
+            t = math.floor(k * 0.1 / tick + 1e-9) * tick
+            if velocities:
+                records.append(Odometry(t, 1.0 + rng.normal(0.0, 0.02), 1.0))
+            elif k:
+                records.append(Increment(t, 0.1, 0.0, 0.1))  # a coarse encoder: each one the same
+            for identity, mark in marks.items():
+                x, y = mark - pose[:2]
+                z = np.array([math.hypot(x, y), math.remainder(math.atan2(y, x) - pose[2], 2.0 * math.pi)])
+                records.append(Detection(t, z + rng.normal(0.0, 0.01, 2), identity=identity))
+            if velocities:
+                pose = Unicycle(0.0, 0.0).f(pose, np.array([1.0, 1.0, 0.1]))
+            else:
+                pose = compose(pose, np.array([0.1, 0.0, 0.1]))
+        found = map_log(Log("log", tuple(records), np.empty((0, 3))))
+        centers = np.array([disc.center for disc in discs(found.world)])
+        off[tick] = max(float(np.hypot(*(centers - mark).T).min()) for mark in marks.values())
+        assert found.slam is not None
+        assert found.slam.counts.repeated == 0
+    assert off[1.0] == pytest.approx(off[0.1], abs=1e-6)
+    assert off[0.1] < 0.1
+
+
+def test_scans_without_one_reading_show_no_obstacles() -> None:
+    scans = [Scan(float(t), np.full(9, math.nan), 0.0, 0.1, 9.0) for t in range(4)]
+    log = Log("blind", (Odometry(0.0, 1.0, 0.0), *scans), np.empty((0, 3)))
+    with pytest.raises(EstimationError, match="4 scans without one reading"):
+        map_log(log)
+
+
 def test_nothing_to_go_by() -> None:
     log = recorded()
     for kept, settings, problem in (

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record
+from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.map_checks import (
     association_doubts,
     detection_warnings,
     duration,
     gap_warnings,
+    log_warnings,
     places_text,
     scan_warnings,
     top_speed,
@@ -118,3 +120,21 @@ def test_places_are_named_with_their_times() -> None:
     trajectory = np.column_stack([np.arange(9.0), np.arange(9.0), np.zeros((9, 2))])
     assert places_text(trajectory, [3]) == "at 3.000 s near (3.0, 0.0)"
     assert places_text(trajectory, range(7)).endswith("and 2 more")
+
+
+def test_a_log_of_two_clocks_and_scans_that_met_nothing() -> None:
+    def scan(t: float, reading: float = 1.0) -> Scan:
+        return Scan(t, np.array([reading, math.nan]), 0.0, 0.1, 5.0)
+
+    moves: list[Record] = [Pose(0.0, 0.0, 0.0, 0.0), Increment(1.0, 1.0, 0.0, 0.0), Increment(3.0, 1.0, 0.0, 0.0)]
+    assert log_warnings([*moves, scan(3.0)], detected=False) == []
+    (apart,) = log_warnings([*moves, scan(1.7e9)], detected=False)
+    assert "odometry (1.000 to 3.000 s)" in apart
+    assert "do not overlap" in apart
+    (before,) = log_warnings([scan(0.5), *moves], detected=False)
+    assert "do not overlap" in before
+    # The last velocity holds on.
+    assert log_warnings([Odometry(0.0, 1.0, 0.0), scan(9.0)], detected=False) == []
+    for nothing in (math.inf, 5.0, math.nan):
+        (blind,) = log_warnings([*moves, scan(1.0, nothing), scan(2.0, nothing), scan(3.0)], detected=False)
+        assert "2 of 3 scans met nothing" in blind

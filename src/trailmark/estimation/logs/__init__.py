@@ -13,8 +13,8 @@ from typing import Any
 
 from trailmark.checked import checked_arguments
 from trailmark.errors import FormatError, OutputError, expected_name
-from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.logs.records import Log
+from trailmark.estimation.errors import EstimationError, RecordError
+from trailmark.estimation.logs.records import Log, with_own_times
 
 __all__ = ["FORMATS", "load_log", "log_files", "save_log"]
 
@@ -50,7 +50,9 @@ def load_log(
 ) -> Log:
     """Read a sensor log.
 
-    Text logs may be gzipped. The readers' modules describe their formats.
+    Text logs may be gzipped. The readers' modules describe their formats. Records whose stamps repeat because the clock
+    is coarse get times of their own, in the order of the file (see
+    :func:`trailmark.estimation.logs.records.with_own_times`).
 
     Args:
         path: the file, or the folder of an MRCLAM log or a ROS 2 bag. The robot of an MRCLAM folder is selected
@@ -90,7 +92,10 @@ def load_log(
     if not log.records:
         left_out = f" ({bad.dropped} bad ones left out)" if bad.dropped else ""
         raise FormatError(file, f"expected a log of one record or more, got none{left_out}")
-    return log._replace(dropped=bad.dropped)
+    try:
+        return with_own_times(log)._replace(dropped=bad.dropped)
+    except RecordError as error:
+        raise FormatError(file, str(error)) from None
 
 
 @checked_arguments(EstimationError)

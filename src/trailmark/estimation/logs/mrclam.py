@@ -20,8 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from trailmark.errors import FormatError
-from trailmark.estimation.logs.records import Detection, Log, Odometry, Pose, Record
+from trailmark.estimation.logs.records import Detection, Log, Odometry, Pose, Record, is_often
 from trailmark.estimation.logs.source import BadRecords, in_order, read_table
+from trailmark.se2 import FloatArray
 
 __all__ = ["read_mrclam", "robot_of", "robots"]
 
@@ -59,11 +60,13 @@ def read_mrclam(folder: Path, bad: BadRecords, robot: int | None = None) -> Log:
         robot: its number; may be left out where the folder holds one robot.
 
     Raises:
-        FormatError: the robot does not exist or is not named, a file is missing, or a bad row.
+        FormatError: the robot does not exist or is not named, a file is missing, a bad row, or a clock too coarse to
+            tell in which order odometry and detections came.
     """
     number = _chosen(folder, robot)
     odometry_file = folder / f"Robot{number}_Odometry.dat"
     odometry = in_order(odometry_file, read_table(odometry_file, ("t", "v", "omega"), bad), bad)
+    _require_fine_clock(odometry_file, odometry.values)
     detections, notes = _detections(folder, number, bad)
     truth, landmarks = np.empty((0, 4)), np.empty((0, 3))
     truth_file, landmark_file = folder / f"Robot{number}_Groundtruth.dat", folder / "Landmark_Groundtruth.dat"
@@ -79,6 +82,15 @@ def read_mrclam(folder: Path, bad: BadRecords, robot: int | None = None) -> Log:
     ]
     order = np.argsort([record.t for record in parts], kind="stable")
     return Log(f"{folder.resolve().name}-robot{number}", tuple(parts[i] for i in order), landmarks, notes=notes)
+
+
+def _require_fine_clock(path: Path, rows: FloatArray) -> None:
+    """Raise if stamps repeat with other velocities, but for a few that a recorder wrote twice."""
+    repeated = (np.diff(rows[:, 0]) == 0.0) & (np.diff(rows[:, 1:], axis=0) != 0.0).any(axis=1)
+    if is_often(int(np.count_nonzero(repeated)), len(rows)):
+        t = float(rows[1:][repeated][0, 0])
+        problem = "the order of odometry and measurements cannot be told"
+        raise FormatError(path, f"time: expected a stamp for each velocity, got {t!r} for several: {problem}")
 
 
 def _chosen(folder: Path, robot: int | None) -> int:

@@ -4,18 +4,31 @@ All lengths are metres, angles radians counter-clockwise, times seconds of one c
 sensor's noise, where the log states them; None leaves them to the model's settings.
 """
 
-# Tested by tests/estimation/logs/test_jsonl.py.
-
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from itertools import groupby, pairwise
+from statistics import median
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Detection", "Increment", "Log", "Odometry", "Pose", "Record", "Scan", "first_pose"]
+from trailmark.estimation.errors import RecordError
+
+__all__ = [
+    "Detection",
+    "Increment",
+    "Log",
+    "Odometry",
+    "Pose",
+    "Record",
+    "Scan",
+    "first_pose",
+    "is_often",
+    "with_own_times",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -147,3 +160,117 @@ def first_pose(records: Sequence[Record]) -> tuple[float, float, float] | None:
         if isinstance(record, Pose) and not record.truth:
             return record.x, record.y, record.theta
     return None
+
+
+def with_own_times(log: Log) -> Log:
+    """Return the log with times that tell its records apart, where its clock is too coarse to do so.
+
+    A clock is too coarse where different motions with readings between them have the same stamp: what is read at one
+    stamp would be taken for read at one place, and a velocity that holds for no time for no motion. Such records are
+    spread evenly over the time until the next stamp, in their order in the log. Records that are merely written twice,
+    and logs of which the order of the records is all that is used (increments and scans), stay as they are.
+
+    Raises:
+        RecordError: velocities that all have one and the same stamp: how long each held cannot be told.
+    """
+    if not any(isinstance(record, Detection | Odometry) or _states_pose(record) for record in log.records[1:]):
+        return log
+    runs = [list(run) for _, run in groupby(log.records, key=lambda record: record.t)]
+    several = [run for run in runs if sum(map(_moves, run)) > 1]
+    if not any(map(_moves_between_readings, several)) and not is_often(sum(map(_motions_too_many, several)), len(runs)):
+        return log
+    groups = [_groups(run) for run in runs]
+    stamps = [run[0].t for run in runs]
+    if len(runs) == 1 and any(isinstance(record, Odometry) for record in log.records):
+        raise RecordError(f"expected velocities with times of their own, got {stamps[0]:g} s for all")
+    tick = median(b - a for a, b in pairwise(stamps)) if len(runs) > 1 else 1.0
+    spans = [min(tick, b - a) for a, b in zip(stamps, [*stamps[1:], math.inf], strict=True)]
+    steps = [span / len(parts) for span, parts in zip(spans, groups, strict=True)]
+    # The first and the last tick may be there in part only.
+    step = median(steps[1:-1]) if len(steps) > 2 else min(steps)
+    records: list[Record] = []
+    for k, (stamp, span, parts) in enumerate(zip(stamps, spans, groups, strict=True)):
+        own = min(step, span / len(parts))
+        # A log begins somewhere between two ticks, and then its first records are the last ones of their tick.
+        first = stamp + span - own * len(parts) if k == 0 and len(parts) > 1 else stamp
+        for i, part in enumerate(parts):
+            records += [record._replace(t=first + i * own) for record in part]
+    count = sum(len(parts) > 1 for parts in groups)
+    note = f"{count:,} of {len(runs):,} stamps are of several instants: spread over {tick:.3g} s, the clock's tick"
+    return log._replace(records=tuple(records), notes=(*log.notes, note))
+
+
+def is_often(repeated: int, total: int) -> bool:
+    """Return whether stamps repeat more often than where a recorder wrote something twice (one in 10,000)."""
+    return repeated > max(2, total // 100)
+
+
+def _states_pose(record: Record) -> bool:
+    return isinstance(record, Pose) and not record.truth
+
+
+def _moves(record: Record) -> bool:
+    return isinstance(record, Odometry | Increment) or _states_pose(record)
+
+
+def _parts(run: Sequence[Record]) -> list[list[Record]]:
+    """Return the records of one stamp, a part for each motion and what was read after it."""
+    parts: list[list[Record]] = [[]]
+    for record in run:
+        if _moves(record) and parts[-1]:
+            parts.append([])
+        parts[-1].append(record)
+    return parts
+
+
+def _motions_too_many(run: Sequence[Record]) -> int:
+    """Return how many different motions of one kind records of one stamp hold, beyond one of each kind."""
+    motions = {_content(record) for record in run if _moves(record)}
+    return len(motions) - len({kind for kind, *_ in motions})
+
+
+def _moves_between_readings(run: Sequence[Record]) -> bool:
+    """Return whether records of one stamp hold two motions of one kind, and were read after the first one, too.
+
+    The same motion with the same readings is the same part of the log, written twice.
+    """
+    found: dict[type[Record], set[tuple[Any, ...]]] = {}
+    for part in _parts(run):
+        if _moves(part[0]):
+            own = tuple(map(_content, part))
+            if any(len(other) > 1 and other != own for other in found.get(type(part[0]), ())):
+                return True
+            found.setdefault(type(part[0]), set()).add(own)
+    return False
+
+
+def _content(record: Record) -> tuple[Any, ...]:
+    """Return what a record says, its kind first, for comparison."""
+    return type(record), *(field.tobytes() if isinstance(field, np.ndarray) else field for field in record)
+
+
+def _groups(run: Sequence[Record]) -> list[list[Record]]:
+    """Return the records of one stamp by the instants that they were written at, as far as that can be told.
+
+    Each motion begins an instant, and so does what is read once more of a named feature, or by the same scanner. A
+    single velocity is not told apart from what was read before it.
+    """
+    if sum(map(_moves, run)) < 2 and not any(isinstance(record, Increment) for record in run):
+        return [list(run)]
+    groups: list[list[Record]] = []
+    for part in _parts(run):
+        seen: dict[object, tuple[object, ...]] = {}
+        groups.append([])
+        for record in part:
+            source: object = None
+            if isinstance(record, Detection) and record.identity is not None:
+                source = (record.kind, record.identity)
+            elif isinstance(record, Scan):
+                source = record.mount
+            content = _content(record)
+            if source is not None and seen.get(source, content) != content:
+                seen = {}
+                groups.append([])
+            seen[source] = content
+            groups[-1].append(record)
+    return groups

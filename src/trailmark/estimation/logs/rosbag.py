@@ -9,8 +9,9 @@ From a bag come one topic of ``sensor_msgs/LaserScan`` and one of ``nav_msgs/Odo
   between the scan's frame and the odometry's child frame. A scanner that hangs upside down turns clockwise, so its
   angles change their sign. Without such transforms it is assumed to be at the robot's origin, with a note.
 
-A record's time is the message's stamp, or when the bag received it if the stamp is 0. Stamps of one topic must not go
-back; the two topics are merged by time, the odometry first at equal times.
+A record's time is the message's stamp, or when the bag received it if all stamps of its topic are 0. Stamps of one
+topic must not go back, nor repeat with another content, for the order of the two topics' messages at one stamp would
+be unknown; they are merged by time, the odometry first at equal times.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def read_rosbag(path: Path, bad: BadRecords, scan_topic: str | None = None, odom
 
     Args:
         path: a ROS 1 file ``.bag``, a ROS 2 folder, or one of its files ``.db3`` or ``.mcap``.
-        bad: what becomes of bad messages: not to be decoded, values that are not finite, stamps that go back.
+        bad: what becomes of bad messages: not to be decoded, values that are not finite, stamps that go back or repeat.
         scan_topic: may be left out where the bag has one such topic.
         odometry_topic: may be left out where the bag has one such topic.
 
@@ -86,14 +87,19 @@ def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None,
     records: list[Record] = []
     frame = "base_link"
     before: tuple[float, float, float] | None = None
+    latest = -math.inf
     for name, t, message in _messages(path, reader, odometry, bad):
         pose = _pose(message.pose.pose)
         if pose is None:
             bad.report(path, f"{name}: expected a pose of finite numbers with a heading, got another")
             continue
+        if t == latest and pose != before:
+            bad.report(path, _repeated(name, t))
+            continue
         frame = message.child_frame_id or frame
         records.append(Pose(t, *pose) if before is None else Increment.between(t, before, pose))
-        before = pose
+        before, latest = pose, t
+    moves = len(records)
     mounts: dict[str, tuple[tuple[float, float, float], bool]] = {}
     notes: list[str] = []
     for name, t, message in _messages(path, reader, scans, bad):
@@ -105,9 +111,18 @@ def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None,
         if own not in mounts:
             mounts[own], note = _mount(reader, frame, own)
             notes += [note] if note else []
-        records.append(_scan(t, message, *mounts[own]))
+        scan = _scan(t, message, *mounts[own])
+        last = records[-1] if len(records) > moves else None
+        if isinstance(last, Scan) and t == last.t and not np.array_equal(scan.ranges, last.ranges, equal_nan=True):
+            bad.report(path, _repeated(name, t))
+            continue
+        records.append(scan)
     order = np.argsort([record.t for record in records], kind="stable")
     return Log(name_of(path), tuple(records[i] for i in order), np.empty((0, 3)), notes=tuple(notes))
+
+
+def _repeated(name: str, t: float) -> str:
+    return f"{name}: stamp: expected one of its own, got {t:.9g} s once more with another content"
 
 
 def _topic(path: Path, reader: AnyReader, msgtype: str, what: str, name: str | None) -> list[Connection]:
@@ -129,6 +144,7 @@ def _topic(path: Path, reader: AnyReader, msgtype: str, what: str, name: str | N
 def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad: BadRecords) -> Iterator[_Message]:
     """Yield the messages of a topic with their names for messages, in the order of their stamps."""
     latest = -math.inf
+    unstamped = not any(map(any, _stamps(reader, connections)))
     for number, (connection, received, raw) in enumerate(reader.messages(connections), start=1):
         name = f"message {number} of {connection.topic}"
         try:
@@ -137,12 +153,22 @@ def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad:
             bad.report(path, f"{name}: cannot be decoded: {_brief(error)}")
             continue
         stamp = data.header.stamp
-        t = stamp.sec + 1e-9 * stamp.nanosec if stamp.sec or stamp.nanosec else 1e-9 * received
+        t = 1e-9 * received if unstamped else stamp.sec + 1e-9 * stamp.nanosec
         if t < latest:
             bad.report_late(path, t, latest, name=f"{name}: ")
             continue
         latest = t
         yield _Message(name, t, data)
+
+
+def _stamps(reader: AnyReader, connections: list[Connection]) -> Iterator[tuple[int, int]]:
+    """Yield seconds and nanoseconds of the stamps of a topic, without the messages that cannot be decoded."""
+    for connection, _, raw in reader.messages(connections):
+        try:
+            data: Any = reader.deserialize(raw, connection.msgtype)
+        except Exception:  # noqa: S112 # reported where the messages are read
+            continue
+        yield data.header.stamp.sec, data.header.stamp.nanosec
 
 
 def _pose(pose: Any) -> tuple[float, float, float] | None:

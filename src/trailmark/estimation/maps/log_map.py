@@ -11,12 +11,13 @@ from trailmark.checked import Probability, checked_arguments
 from trailmark.estimates import FRAMES, Frame
 from trailmark.estimation.errors import EstimationError, NotCertifiedError
 from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
-from trailmark.estimation.logs.records import Log, Scan
+from trailmark.estimation.logs.records import Log, Scan, with_own_times
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
 from trailmark.estimation.maps.map_checks import (
     association_doubts,
     detection_warnings,
     gap_warnings,
+    log_warnings,
     placement_doubts,
     places_text,
     scan_warnings,
@@ -72,6 +73,7 @@ def map_log(
         NotCertifiedError: a confidence for a map that is not certified.
     """
     s, begin = settings or MapSettings(), perf_counter()
+    log = with_own_times(log)
     if s.robot_sigma is not None and (robot is None or confidence is None):
         raise EstimationError("robot_sigma: expected a robot and a confidence with it, got one without them")
     sources = sources_of(log, s)
@@ -132,7 +134,7 @@ def map_log(
         matched=matched,
         seconds=perf_counter() - begin,
         scan_seconds=scan_seconds,
-        warnings=tuple(warnings),
+        warnings=(*log_warnings(log.records, detected), *warnings),
         batch=None if run is None else run.batch,
         notes=(
             *log.notes,

@@ -84,15 +84,19 @@ def sources_of(log: Log, settings: MapSettings) -> Sources:
     Raises:
         EstimationError: the log does not hold what the settings ask for, or nothing that a world could be made of.
     """
+    scans = [record for record in log.records if isinstance(record, Scan)]
     there = {type(record) for record in log.records}
+    if not any((np.asarray(scan.ranges) > 0.0).any() for scan in scans):  # lost readings are NaN
+        there.discard(Scan)
     obstacles, poses = settings.obstacles, settings.poses
     if obstacles == "auto":
         obstacles = "scans" if Scan in there else "detections"
     if (Scan if obstacles == "scans" else Detection) not in there:
         found = "neither scans nor detections" if settings.obstacles == "auto" else f"no {obstacles}"
+        found += f" ({len(scans):,} scans without one reading)" if scans and Scan not in there else ""
         raise EstimationError(f"expected a log that shows obstacles, got {found}")
     moves = bool(there & {Odometry, Increment})
-    carried = [record.pose is not None for record in log.records if isinstance(record, Scan)]
+    carried = [scan.pose is not None for scan in scans]
     # By more than the one pose at which odometry begins.
     stated = sum(isinstance(record, Pose) and not record.truth for record in log.records) > (1 if moves else 0)
     possible = {

@@ -21,6 +21,7 @@ __all__ = [
     "detection_warnings",
     "duration",
     "gap_warnings",
+    "log_warnings",
     "placement_doubts",
     "places_text",
     "scan_warnings",
@@ -101,6 +102,32 @@ def duration(times: FloatArray) -> float | None:
         return None
     gaps = np.diff(times)
     return float(gaps[gaps < DAY].sum())
+
+
+def log_warnings(records: Sequence[Record], detected: bool) -> list[str]:
+    """Return what looks wrong with the log itself: clocks that differ, scans that met nothing.
+
+    Args:
+        records: of the log, in the order of time.
+        detected: whether obstacles come from its detections, else from its scans.
+    """
+    what = "detections" if detected else "scans"
+    read = [record for record in records if isinstance(record, Detection if detected else Scan)]
+    moves = [record for record in records if isinstance(record, Odometry | Increment)]
+    found = []
+    # Velocities hold on after the last of them.
+    if moves and read:
+        end = np.inf if isinstance(moves[-1], Odometry) else moves[-1].t
+        if read[-1].t < moves[0].t or end < read[0].t:
+            found.append(
+                f"the times of odometry ({moves[0].t:.3f} to {moves[-1].t:.3f} s) and of {what} ({read[0].t:.3f} to "
+                f"{read[-1].t:.3f} s) do not overlap: are they of different clocks?"
+            )
+    scans = [record for record in read if isinstance(record, Scan)]
+    blind = sum(not ((scan.ranges > 0.0) & (scan.ranges < scan.range_max)).any() for scan in scans)
+    if 2 * blind > len(scans):
+        found.append(f"{blind:,} of {len(scans):,} scans met nothing: they place neither the robot nor an obstacle")
+    return found
 
 
 def scan_warnings(trajectory: FloatArray) -> list[str]:
