@@ -78,7 +78,6 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         queries=tuple(queries),
         estimates=tuple(estimates),
         risk=None if file.risk is None else _build(path, "risk", _risk, file.risk),
-        frame=file.frame,
         ids=tuple(entry.id for entry in entries),
         zones=tuple(_build(path, f"zones[{i}]", _zone, entry) for i, entry in enumerate(file.zones or ())),
         sources=(path.absolute(),),
@@ -137,8 +136,6 @@ def world_data(world: World) -> dict[str, Any]:
         data["boundary"] = world.boundary.vertices.tolist()
     if world.risk is not None:
         data["risk"] = _risk_data(world.risk)
-    if world.frame is not None:
-        data["frame"] = world.frame
     if world.obstacles:
         columns = (column or repeat(None) for column in (world.ids, world.estimates, world.moving))
         data["obstacles"] = [_obstacle_data(*row) for row in zip(world.obstacles, *columns, strict=False)]
@@ -220,7 +217,7 @@ def _any_obstacle(entry: schema.DiscObstacle | schema.RectangleObstacle | schema
 
 
 def _estimate(entry: schema.EstimateEntry) -> ObstacleEstimate:
-    return ObstacleEstimate(_obstacle(entry.mean), entry.covariance, entry.share)  # type: ignore[arg-type]  # it makes arrays
+    return ObstacleEstimate(_obstacle(entry.mean), entry.covariance, entry.share, entry.frame)  # type: ignore[arg-type]  # it makes arrays
 
 
 def _risk(entry: schema.RiskEntry) -> RiskBound:
@@ -277,8 +274,9 @@ def _obstacle_data(
         data["id"] = name
     if estimate is not None:
         mean = _shape_data(estimate.mean, placed=True)
-        share = {} if estimate.share is None else {"share": estimate.share}
-        data["estimate"] = {"mean": mean, "covariance": estimate.covariance.tolist(), **share}
+        said = {"share": estimate.share, "frame": estimate.frame}
+        said = {name: value for name, value in said.items() if value is not None}
+        data["estimate"] = {"mean": mean, "covariance": estimate.covariance.tolist(), **said}
     if moving is not None:
         data["motion"] = {"velocity": list(moving.velocity), "until": moving.until}
     return data

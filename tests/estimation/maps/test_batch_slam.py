@@ -116,7 +116,7 @@ def test_what_is_driven_before_the_first_reading_is_as_uncertain_as_odometry(cou
         assert mapped.slam.covariances[at] == pytest.approx(alone.slam.covariances[then], rel=1e-6, abs=1e-9)
         error = mapped.trajectory[at, 1:] - truth[true, 1:]
         assert error @ np.linalg.solve(mapped.slam.covariances[at] + 1e-6 * np.eye(3), error) < 20.0
-        assert mapped.world.frame == "start"
+        assert mapped.figures()["obstacles"]["frame"] == "start"
         for feature, grown in zip(mapped.slam.features, mapped.world.obstacles, strict=True):
             assert feature.identity is not None
             off = feature.mean - FAR[feature.identity]
@@ -137,8 +137,8 @@ def test_the_frame_of_covariances_is_named_and_chosen() -> None:
         "no start": replace(AHEAD, start=None),
         "start without": replace(AHEAD, start=None, frame="start"),
     }.items():
-        world = map_log(given, settings).world
-        size[name] = world.frame, sum(np.trace(e.covariance) for e in world.estimates if e is not None)
+        estimates = [e for e in map_log(given, settings).world.estimates if e is not None]
+        size[name] = estimates[-1].frame, sum(np.trace(e.covariance) for e in estimates)
     assert {name: frame for name, (frame, _) in size.items()} == {
         "start": "start",
         "map": "map",
@@ -152,7 +152,7 @@ def test_the_frame_of_covariances_is_named_and_chosen() -> None:
         map_log(given, replace(AHEAD, frame="map", smooth=False))
     # Of two features there is no frame but the start's.
     few = map_log(driven_ahead(0, 2)[0], replace(AHEAD, start=None))
-    assert few.world.frame == "start"
+    assert few.figures()["obstacles"]["frame"] == "start"
     assert any("frame of the first pose" in note for note in few.notes)
 
 
