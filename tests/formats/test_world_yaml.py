@@ -389,7 +389,10 @@ def polygon(points: str) -> str:
         (HEAD + "x" * 500 + ": []", "unknown key; expected boundary, "),
         (HEAD + "name: x", "expected each key once, got 'name' twice in one mapping"),
         (
-            HEAD + disc("1, estimate: {mean: {shape: disc, center: [0, 0], radius: 1}, covariance: [], frame: robot}"),
+            HEAD
+            + disc(
+                "1, estimate: {mean: {shape: disc, center: [0, 0], radius: 1}, covariance: [[1, 0], [0, 1]], frame: robot}"
+            ),
             "estimate.frame: expected start or map (what the covariance is relative to), got 'robot'",
         ),
         ("trailmark: 1", "bounds: expected four finite numbers [xmin, ymin, xmax, ymax] (metres), got nothing"),

@@ -186,7 +186,7 @@ def test_noise_is_estimated_where_a_log_states_all_of_it_and_wrongly() -> None:
     for t in range(1, 240):
         u = np.array([0.2, 0.0, 0.075 + 0.02 * np.sin(0.3 * t)])
         x = compose(x, u + rng.normal(0.0, (0.005, 0.005, 0.01)))
-        records.append(Increment(float(t), *u.tolist(), np.diag([1e-4, 1e-4, 1e-8])))
+        records.append(Increment(float(t), u[0], u[1], u[2], np.diag([1e-4, 1e-4, 1e-8])))
         for i, post in enumerate(POSTS if t % 2 else ()):
             z = SENSOR.h(x, post) + rng.normal(0.0, (0.05, 0.02))
             records.append(Detection(float(t), z, covariance=np.diag([1.0, 0.1]), identity=i))
