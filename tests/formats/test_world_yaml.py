@@ -391,9 +391,9 @@ def polygon(points: str) -> str:
         (
             HEAD
             + disc(
-                "1, estimate: {mean: {shape: disc, center: [0, 0], radius: 1}, covariance: [[1, 0], [0, 1]], frame: robot}"
+                "1, estimate: {mean: {shape: disc, center: [0, 0], radius: 1}, covariance: [[1, 0], [0, 1]], frame: r}"
             ),
-            "estimate.frame: expected start or map (what the covariance is relative to), got 'robot'",
+            "estimate.frame: expected start or map (what the covariance is relative to), got 'r'",
         ),
         ("trailmark: 1", "bounds: expected four finite numbers [xmin, ymin, xmax, ymax] (metres), got nothing"),
         ("trailmark: 1\nbounds: [0, 0, 1]", "bounds: expected four finite numbers [xmin, ymin, xmax, ymax]"),

@@ -125,7 +125,8 @@ def test_what_is_driven_before_the_first_reading_is_as_uncertain_as_odometry(cou
             inside.append(grown.polygon(1e-3).shapely().contains(post))
     # The landmarks of one log share its errors.
     assert 0.8 < np.mean(nees) < 2.6
-    assert np.mean(inside) >= 0.98
+    # One log in some hundred may lie outside, with all of its landmarks.
+    assert np.mean(inside) >= 0.94
 
 
 def test_the_frame_of_covariances_is_named_and_chosen() -> None:
