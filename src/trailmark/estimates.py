@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.arguments import brief, number_array, one_of, real
-from trailmark.errors import WorldError
+from trailmark.errors import WorldError, expected_name
 from trailmark.robot import Robot
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
@@ -40,6 +40,8 @@ class ObstacleEstimate:
         covariance: shape (k, k), 2 <= k <= 5 (rectangle) or 3; metres and radians.
         share: the part of the world's risk that this obstacle may take, above 0 and at most 1; None if not shared
             out.
+        frame: what the covariance is relative to: "start", where the robot stood first, or "map", the obstacles
+            themselves; None where nothing is said.
 
     Raises:
         WorldError: a covariance of another shape, not finite, not symmetric or with a negative variance; a share
@@ -49,6 +51,7 @@ class ObstacleEstimate:
     mean: Shape
     covariance: se2.FloatArray
     share: float | None = None
+    frame: Frame | None = None
 
     def __post_init__(self) -> None:
         one_of(self.mean, (Disc, Rectangle, Polygon), "estimate: mean:", error=WorldError)
@@ -58,11 +61,13 @@ class ObstacleEstimate:
         object.__setattr__(self, "covariance", _covariance(self.covariance, name, range(2, max_size + 1)))
         if self.share is not None:
             object.__setattr__(self, "share", _between(self.share, "estimate: share", 0.0, 1.0))
+        if self.frame not in (None, *FRAMES):
+            raise WorldError(f"estimate: frame: {expected_name(str(self.frame), FRAMES)}")
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, ObstacleEstimate):
             return NotImplemented
-        alike = self.mean == other.mean and self.share == other.share
+        alike = (self.mean, self.share, self.frame) == (other.mean, other.share, other.frame)
         return alike and np.array_equal(self.covariance, other.covariance)
 
     def __hash__(self) -> int:

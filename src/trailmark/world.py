@@ -21,7 +21,7 @@ from trailmark.arguments import brief, each_of, one_of, real
 from trailmark.changes import Changes, Obstacles, apply, difference
 from trailmark.edits import Obstacle, changes_of_edits, obstacles_of
 from trailmark.errors import InputWarning, WorldError, expected_name
-from trailmark.estimates import FRAMES, Frame, ObstacleEstimate, RiskBound
+from trailmark.estimates import ObstacleEstimate, RiskBound
 from trailmark.moving import Moving
 from trailmark.query import Query
 from trailmark.robot import Robot
@@ -53,8 +53,6 @@ class World(Shown):
         queries: named planning problems.
         estimates: one for each obstacle, None where the obstacle is known exactly; empty if all are.
         risk: what the obstacles with estimates are grown for; None if they stand as they were measured.
-        frame: what the estimates' covariances are relative to: "start", where the robot stood first, or "map", the
-            obstacles themselves; None where nothing is said.
         ids: one for each obstacle, unique texts, None where it has none; empty if none has. An obstacle without one is
             spoken of by its index.
         moving: one for each obstacle, None where it stands; empty if all do.
@@ -79,7 +77,6 @@ class World(Shown):
     queries: tuple[Query, ...] = field(default=())
     estimates: tuple[ObstacleEstimate | None, ...] = field(default=())
     risk: RiskBound | None = None
-    frame: Frame | None = field(default=None, kw_only=True)
     ids: tuple[str | None, ...] = field(default=())
     moving: tuple[Moving | None, ...] = field(default=())
     zones: tuple[Zone, ...] = field(default=())
@@ -111,8 +108,6 @@ class World(Shown):
         one_of(self.robot, (Robot, type(None)), "world: robot:", hint=" (Robot.parse)", error=WorldError)
         one_of(self.boundary, (Polygon, type(None)), "world: boundary:", error=WorldError)
         one_of(self.risk, (RiskBound, type(None)), "world: risk:", error=WorldError)
-        if self.frame not in (None, *FRAMES):
-            raise WorldError(f"world: frame: {expected_name(str(self.frame), FRAMES)}")
         one_of(self.not_certified, (str, type(None)), "world: not_certified:", error=WorldError)
         if self.boundary is not None and self.boundary.holes:
             raise WorldError("boundary: expected a polygon without holes, got one with holes (make them obstacles)")

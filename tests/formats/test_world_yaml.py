@@ -143,7 +143,6 @@ def any_world(draw: st.DrawFn) -> World:
         draw(st.none() | polygons(holes=False)),
         tuple(Query(name, *both) for name, both in zip(unique, ends, strict=True)),
         ids=tuple(ids or ()),
-        frame=draw(st.sampled_from([None, "start", "map"])),
         zones=tuple(
             draw(
                 st.lists(
@@ -390,7 +389,13 @@ def polygon(points: str) -> str:
         (HEAD + disc("1, motion: {velocity: [1e9, 0], until: 9}"), "obstacles[3]: moving: the region swept: expected"),
         (HEAD + "x" * 500 + ": []", "unknown key; expected boundary, "),
         (HEAD + "name: x", "expected each key once, got 'name' twice in one mapping"),
-        (HEAD + "frame: robot", "frame: expected start or map (what the covariances are relative to), got 'robot'"),
+        (
+            HEAD
+            + disc(
+                "1, estimate: {mean: {shape: disc, center: [0, 0], radius: 1}, covariance: [[1, 0], [0, 1]], frame: r}"
+            ),
+            "estimate.frame: expected start or map (what the covariance is relative to), got 'r'",
+        ),
         ("trailmark: 1", "bounds: expected four finite numbers [xmin, ymin, xmax, ymax] (metres), got nothing"),
         ("trailmark: 1\nbounds: [0, 0, 1]", "bounds: expected four finite numbers [xmin, ymin, xmax, ymax]"),
         ("trailmark: 1\nbounds: [0, 0, 1, true]", "bounds[3]: expected a finite number, got True"),
@@ -445,7 +450,7 @@ def test_json_schema_describes_the_contract() -> None:
     assert schema["title"] == "trailmark world"
     assert schema["additionalProperties"] is False
     contract = {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"}
-    assert set(schema["properties"]) == {*contract, "frame", "grid", "not_certified", "risk", "zones"}
+    assert set(schema["properties"]) == {*contract, "grid", "not_certified", "risk", "zones"}
     assert schema["required"] == ["trailmark", "bounds"]
     disc_schema = schema["$defs"]["DiscObstacle"]
     assert disc_schema["properties"]["radius"]["exclusiveMinimum"] == 0.0

@@ -56,7 +56,7 @@ def print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Pat
         ("bounds", " ".join(f"{value:g}" for value in found["bounds"])),
         ("queries", ", ".join(found["queries"]) or "none"),
         ("risk", _risk_text(found)),
-        *((("covariances", _FRAMES[found["frame"]]),) if found["frame"] else ()),
+        *((("covariances", _FRAMES[obstacles["frame"]]),) if "frame" in obstacles else ()),
         *([] if found["not_certified"] is None else [("not certified", found["not_certified"])]),
         *(("note", note) for note in found["notes"]),
         *(("written", str(file)) for file in written),

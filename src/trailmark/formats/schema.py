@@ -139,6 +139,9 @@ class EstimateEntry(_Strict):
         "x, y and heading; metres and radians)"
     )
     share: Share | None = Field(default=None, description="a number above 0 and at most 1 (of the risk)")
+    frame: Literal["start", "map"] | None = Field(
+        default=None, description="start or map (what the covariance is relative to)"
+    )
 
 
 class MotionEntry(_Strict):
@@ -293,9 +296,6 @@ class WorldFile(_Strict):
     queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
     zones: list[Annotated[ZoneEntry, Field(discriminator="kind")]] | None = Field(default=None, description=_ZONES)
     risk: RiskEntry | None = Field(default=None, description="a mapping {confidence, pose_covariance, reach}")
-    frame: Literal["start", "map"] | None = Field(
-        default=None, description="start or map (what the covariances are relative to)"
-    )
     not_certified: Text | None = Field(default=None, description="a text (why the estimates are not to be relied on)")
 
 

@@ -78,7 +78,6 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         queries=tuple(queries),
         estimates=tuple(estimates),
         risk=None if file.risk is None else _build(path, "risk", _risk, file.risk),
-        frame=file.frame,
         ids=tuple(entry.id for entry in entries),
         not_certified=file.not_certified,
         zones=tuple(_build(path, f"zones[{i}]", _zone, entry) for i, entry in enumerate(file.zones or ())),
@@ -138,8 +137,6 @@ def world_data(world: World) -> dict[str, Any]:
         data["boundary"] = world.boundary.vertices.tolist()
     if world.risk is not None:
         data["risk"] = _risk_data(world.risk)
-    if world.frame is not None:
-        data["frame"] = world.frame
     if world.not_certified is not None:
         data["not_certified"] = world.not_certified
     if world.obstacles:
@@ -223,7 +220,7 @@ def _any_obstacle(entry: schema.DiscObstacle | schema.RectangleObstacle | schema
 
 
 def _estimate(entry: schema.EstimateEntry) -> ObstacleEstimate:
-    return ObstacleEstimate(_obstacle(entry.mean), entry.covariance, entry.share)  # type: ignore[arg-type]  # it makes arrays
+    return ObstacleEstimate(_obstacle(entry.mean), entry.covariance, entry.share, entry.frame)  # type: ignore[arg-type]  # it makes arrays
 
 
 def _risk(entry: schema.RiskEntry) -> RiskBound:
@@ -280,8 +277,9 @@ def _obstacle_data(
         data["id"] = name
     if estimate is not None:
         mean = _shape_data(estimate.mean, placed=True)
-        share = {} if estimate.share is None else {"share": estimate.share}
-        data["estimate"] = {"mean": mean, "covariance": estimate.covariance.tolist(), **share}
+        said = {"share": estimate.share, "frame": estimate.frame}
+        said = {name: value for name, value in said.items() if value is not None}
+        data["estimate"] = {"mean": mean, "covariance": estimate.covariance.tolist(), **said}
     if moving is not None:
         data["motion"] = {"velocity": list(moving.velocity), "until": moving.until}
     return data

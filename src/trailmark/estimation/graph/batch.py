@@ -81,6 +81,15 @@ class Batch:
         """Return their covariances, shape (n − 1, 3, 3)."""
         return motions.covariance(self.noise.motion_variances * self.noise.motion_times)
 
+    def motion_changes(self, instants: FloatArray) -> FloatArray:
+        """Return how the motions between instants, shape (n,), change with odometry's calibration, (n − 1, 3, 5)."""
+        now, changes = self.noise.odometry.array(), np.zeros((len(instants) - 1, 3, 5))
+        u = self.track.motions(instants, self.noise.odometry, covariances=False).u
+        for i, step in enumerate(np.diag(STEPS)[: 5 if self.track.by_velocities else 4]):
+            other = self.track.motions(instants, OdometryCalibration(*(now + step).tolist()), covariances=False).u
+            changes[:, :, i] = (other - u) / step.max()
+        return changes
+
     def readings(self, *, single: bool = False) -> Readings:
         """Return the readings, calibrated, with their noise; ``single``: as one is spread, not what many are worth."""
         if not self.fitted:
@@ -255,14 +264,8 @@ class Batch:
         r, n = self.raw.z, len(motions.u)
         if not self.fitted:
             return np.zeros((3 * n + 2 * len(smoother.used) + 3, 0)), np.zeros(0)
-        now = self.noise.odometry.array()
-        changes = []
-        for step in np.diag(STEPS)[: 5 if self.track.by_velocities else 4]:
-            other = self.track.motions(self.instants, OdometryCalibration(*(now + step).tolist()), covariances=False)
-            changes.append(smoother.at_end(other.u - motions.u) / step.max())
-        if not self.track.by_velocities:
-            changes.append(np.zeros((n, 3)))
-        of_motions = np.stack(changes, axis=2)
+        changes = np.moveaxis(self.motion_changes(self.instants), 2, 0)
+        of_motions = np.stack([smoother.at_end(change) for change in changes], axis=2)
         bent = self.noise.sensor.basis(r[:, 1])
         across = self.readings().z[:, :1] * bent
         of_readings = np.stack([-across, np.zeros_like(across)], axis=1)

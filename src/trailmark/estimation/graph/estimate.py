@@ -62,8 +62,12 @@ class Estimate(NamedTuple):
     precision: FloatArray
     """Of the calibration before the log, shape (c,)."""
 
-    def feature_covariance(self) -> FloatArray:
-        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m)."""
+    def feature_covariance(self, moves: FloatArray | None = None) -> FloatArray:
+        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m).
+
+        Args:
+            moves: how calibration moves the features besides, shape (2m, c).
+        """
         first = 3 * len(self.solution.poses)
         columns = first + np.arange(2 * len(self.solution.features))
         joint = self.system.covariance(columns)
@@ -72,7 +76,8 @@ class Estimate(NamedTuple):
         follow = self.system.estimate(self.calibrated)
         left = self.calibrated - self.system.A @ follow
         own = np.linalg.inv(self.calibrated.T @ left + np.diag(self.precision))
-        return np.asarray(joint + follow[columns] @ own @ follow[columns].T)
+        by = follow[columns] if moves is None else follow[columns] + moves
+        return np.asarray(joint + by @ own @ by.T)
 
     def missed(self) -> FloatArray:
         """Return the mean square of what features' errors miss of the readings' curvature, shape (m, 2, 2).

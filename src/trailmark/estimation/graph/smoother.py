@@ -19,13 +19,13 @@ from trailmark.estimation.graph.linear_system import LinearSystem
 from trailmark.estimation.graph.readings import Readings
 from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Smoother", "Solution", "moved", "turned"]
+__all__ = ["Smoother", "Solution", "moved", "rotations", "turned"]
 
 FLOOR = 1e-4
 """Metres and radians: standard deviation added to each motion, since gtsam takes no noise of 0."""
 
 HELD = 1e-6
-"""Metres and radians: standard deviation of the first pose, the start, which the map's frame takes for exact."""
+"""Metres and radians: standard deviation of the first pose, where the factors' frame is."""
 
 
 class Solution(NamedTuple):
@@ -145,19 +145,21 @@ class Smoother:
         return LinearSystem(rows, columns, entries, 3 * self._poses + 2 * len(solution.features))
 
     def pair_covariances(self, solution: Solution) -> tuple[FloatArray, FloatArray]:
-        """Return the covariance of each pose and the next together, shape (n − 1, 6, 6), in the map's axes.
+        """Return the covariance of each pose and the next together, shape (n − 1 or 1, 6, 6), in the map's axes.
 
-        The second pose's is that of a pose at the first one's place, fixed to it. Likewise, shape (n − 1, 3, 3), the
+        The second pose's is that of a pose at the first one's place, fixed to it. Likewise, shape (…, 3, 3), the
         noise that each motion has at least.
         """
         import gtsam
 
         values, poses = self._values(solution.poses, solution.features), solution.poses
         marginals = gtsam.Marginals(self._held(poses[0]), values)
-        local = np.array([marginals.jointMarginalCovariance([i, i + 1]).fullMatrix() for i in range(len(poses) - 1)])
+        pairs = [marginals.jointMarginalCovariance([i, i + 1]).fullMatrix() for i in range(len(poses) - 1)]
+        # A single pose is its own next, and held.
+        local, poses = (np.array(pairs), poses) if pairs else (np.zeros((1, 6, 6)), np.repeat(poses, 2, axis=0))
         to = np.zeros((len(local), 6, 6))
-        to[:, :3, :3] = _rotations(poses[:-1, 2])
-        to[:, 3:, 3:] = _arms(poses[:-1, :2] - poses[1:, :2]) @ _rotations(poses[1:, 2])
+        to[:, :3, :3] = rotations(poses[:-1, 2])
+        to[:, 3:, 3:] = _arms(poses[:-1, :2] - poses[1:, :2]) @ rotations(poses[1:, 2])
         least = np.tile(FLOOR**2 * np.eye(3), (len(local), 1, 1))
         return _transformed(local, to), _transformed(least, to[:, 3:, 3:])
 
@@ -195,7 +197,7 @@ def _into(vectors: FloatArray, headings: FloatArray) -> FloatArray:
 
 def turned(P: FloatArray, angle: FloatArray) -> FloatArray:
     """Return covariances (n, 3, 3) of poses in a frame turned by angles (n,)."""
-    return _transformed(P, _rotations(angle))
+    return _transformed(P, rotations(angle))
 
 
 def moved(P: FloatArray, to: FloatArray) -> FloatArray:
@@ -207,7 +209,8 @@ def _transformed(P: FloatArray, by: FloatArray) -> FloatArray:
     return np.asarray(by @ P @ by.transpose(0, 2, 1))
 
 
-def _rotations(angle: FloatArray) -> FloatArray:
+def rotations(angle: FloatArray) -> FloatArray:
+    """Return what turns x, y and theta by angles (n,), shape (n, 3, 3)."""
     cos, sin, zero, one = np.cos(angle), np.sin(angle), np.zeros(len(angle)), np.ones(len(angle))
     return np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]]).transpose(2, 0, 1)
 

@@ -99,7 +99,7 @@ def map_log(
         scan_map = map_scans(
             log, poses, settings=mapping, robot=robot, pose_covariances=covariances, on_progress=report
         )
-        trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), replace(scan_map.world, frame=frame)
+        trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), _framed(scan_map.world, frame)
     if scan_map is None and run is not None:
         fitted = run.batch is not None and run.batch.figures["fitted"]
         known = [estimate for estimate in world.estimates if estimate is not None]
@@ -177,8 +177,13 @@ def _world_of_discs(log: Log, s: MapSettings, run: SlamRun, robot: Robot | None,
     low, high = means.min(axis=0) - s.radius, means.max(axis=0) + s.radius
     bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
     discs = tuple(estimate.mean for estimate in estimates)
-    of: Frame = "start" if within is None else "map"
-    return World(log.name, bounds, discs, robot, estimates=tuple(estimates), frame=of)
+    world = World(log.name, bounds, discs, robot, estimates=tuple(estimates))
+    return _framed(world, "start" if within is None else "map")
+
+
+def _framed(world: World, frame: Frame | None) -> World:
+    """Return the world with what its covariances are relative to."""
+    return replace(world, estimates=tuple(e and replace(e, frame=frame) for e in world.estimates))
 
 
 def _bounds(world: World, path: FloatArray, margin: float) -> tuple[float, float, float, float]:
@@ -233,7 +238,7 @@ def _relocations(matched: ScanPoses | None, trajectory: FloatArray) -> list[str]
 def _notes(s: MapSettings, sources: Sources, world: World, frame: Frame | None) -> list[str]:
     """Return what a reader of the result should know."""
     notes = []
-    if world.frame != frame:
+    if frame == "map" and any(estimate is not None and estimate.frame != frame for estimate in world.estimates):
         notes.append("covariances are those in the frame of the first pose: so few features have none of their own")
     if sources.obstacles == "detections" and s.radius == MapSettings.radius:
         notes.append(f"discs are assumed to have a radius of {s.radius:g} m: the log does not state it")

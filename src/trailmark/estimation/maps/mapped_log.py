@@ -89,7 +89,6 @@ class MappedLog(NamedTuple):
             "risk": None
             if risk is None
             else {"confidence": risk.confidence, "collision_at_most": 1.0 - risk.confidence},
-            "frame": self.world.frame,
             "time": {"total": self.seconds, "per_update": self._per_update()},
             "not_certified": self.world.not_certified,
             "warnings": list(self.warnings),
@@ -118,11 +117,12 @@ class MappedLog(NamedTuple):
         names = ("mean", "expected", "low", "high", "inside")
         return {**{name: getattr(nis, name) for name in names}, "updates": nis.size}
 
-    def _obstacles(self) -> dict[str, int]:
-        """Return how many obstacles there are of each kind, by what they are the estimates of."""
+    def _obstacles(self) -> dict[str, Any]:
+        """Return how many obstacles there are of each kind, and what their covariances are relative to."""
         every = len(self.world.obstacles)
         kinds = Counter(_kind(estimate) for estimate in self.world.estimates or (None,) * every)
-        return {"all": every, **{name: kinds[name] for name in _OBSTACLES}}
+        frame = next((estimate.frame for estimate in self.world.estimates if estimate is not None), None)
+        return {"all": every, **{name: kinds[name] for name in _OBSTACLES}, **({"frame": frame} if frame else {})}
 
     def _per_update(self) -> float | None:
         """Return the seconds that an update took: of EKF-SLAM's state, or of the map by a scan."""
