@@ -137,8 +137,8 @@ def association_doubts(result: SlamResult, estimates: Sequence[ObstacleEstimate]
     if poses == "slam" and len(lacking):
         t = times[lacking[0] + 1]
         found.append(
-            f"fewer than {JOINED} features were read both before and after {t:.3f} s: what lies on either side is joined "
-            "by odometry alone"
+            f"fewer than {JOINED} features were read both before and after {t:.3f} s: odometry alone joins what lies "
+            "on either side"
         )
     sigma = np.sqrt([np.linalg.eigvalsh(estimate.covariance[:2, :2])[-1] for estimate in estimates])
     gaps = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1)) + np.diag(np.full(len(places), np.inf))
