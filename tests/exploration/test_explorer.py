@@ -527,3 +527,17 @@ def test_who_only_looks_for_ways_and_finds_none_is_stuck() -> None:
     result = explorer.run()
     assert result.status == "stuck"
     assert "no way that could be driven was found" in result.reason
+
+
+@pytest.mark.slow
+def test_the_sigma_told_is_that_in_the_frame_of_the_start() -> None:
+    """Beside the map around it the robot is surer: that map has drifted since."""
+    exploring = explorer(two_rooms(1.2), noise=3.0, settings=replace(SETTINGS, time_limit=12.0))
+    exploring.run()
+    told = exploring.history[-1].sigma
+    largest = [
+        float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+        for covariance in (exploring.mapper.covariances[-1], exploring.mapper.covariance)
+    ]
+    assert 0.7 * largest[0] < told < 2.0 * largest[0]
+    assert told > 1.5 * largest[1]

@@ -330,8 +330,8 @@ def map_log(
             write_tum(tum_file, mapped.trajectory)
             written.append(tum_file)
         if nav2_file is not None:
-            cell = settings.mapping.cell_side(read.cell) if mapped.scans is None else mapped.scans.grid.cell
-            written += save_nav2_map(mapped.world, nav2_file, cell)
+            side = settings.mapping.cell_side(read.cell) if mapped.scans is None else mapped.scans.grid.cell
+            written += save_nav2_map(mapped.world, nav2_file, side)
         if g2o_file is not None:
             if mapped.matched is None:
                 raise UsageError(f"--graph {graph!r} given with poses by {mapped.poses}, allowed: --poses match")

@@ -275,9 +275,10 @@ class ScanSlam:
             return _Found(start, step, noise)
         near = abs(difference(here, other.pose)[2]) < MAX_WINDOW.theta
         alone = self._is_alone(area, points, other, MAX_WINDOW if near else ALL_ROUND)
-        if alone:
-            self._relocated.append(len(self._scans))
-        return _Found(other.pose, relative(here, other.pose), np.eye(3), sure=alone)
+        if not (alone or unfit):
+            return _Found(start, step, noise)  # of several places the one that odometry says
+        self._relocated.append(len(self._scans))
+        return _Found(other.pose, relative(here, other.pose), np.eye(3), sure=alone or not carried)
 
     def _search_all_round(self, area: LocalMap, points: FloatArray, here: FloatArray) -> _Found:
         """Return a scan's pose where the odometry is missing: the scan alone decides, or nothing does."""

@@ -180,14 +180,15 @@ def association_doubts(result: SlamResult, estimates: Sequence[ObstacleEstimate]
         )
     seen = np.flatnonzero(read.any(axis=0))
     first, last = read[:, seen].argmax(axis=0), len(times) - 1 - read[::-1, seen].argmax(axis=0)
-    # Not at its ends, where the last features come and the first ones go.
-    edge = max(1, len(times) // 50)
-    middle = np.arange(edge, len(times) - edge)
-    joined = ((first < middle[:, None]) & (last >= middle[:, None])).sum(axis=1)
-    if poses == "slam" and len(joined) and joined.min() < JOINED:
-        t = times[middle[joined.argmin()]]
+    step = np.arange(1, len(times))[:, None]
+    before, after = first < step, last >= step
+    needed = np.minimum(JOINED, np.minimum(before.sum(axis=1), after.sum(axis=1)))
+    lacking = np.flatnonzero((before & after).sum(axis=1) < needed)
+    if poses == "slam" and len(lacking):
+        t = times[lacking[0] + 1]
         found.append(
-            f"fewer than {JOINED} features were read both before and after {t:.3f} s: odometry alone joins both"
+            f"fewer than {JOINED} features were read both before and after {t:.3f} s: odometry alone joins what lies "
+            "on either side"
         )
     sigma = np.sqrt([np.linalg.eigvalsh(estimate.covariance[:2, :2])[-1] for estimate in estimates])
     gaps = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1)) + np.diag(np.full(len(places), np.inf))
