@@ -1,6 +1,5 @@
 """Lock: what threads that share an object take turns by, and what copies of the object do not share."""
 
-# Tested by tests/planning/test_pickle.py.
 from __future__ import annotations
 
 import os
@@ -30,7 +29,8 @@ class Lock(RLock):  # type: ignore[misc]  # final in its stub alone
 
 def _renew_all() -> None:
     for lock in _all:
-        lock._at_fork_reinit()  # as the standard library's own locks do: there is no other way
+        # As the standard library renews its own; there is no other way, and stubs do not know this one.
+        lock._at_fork_reinit()  # type: ignore[attr-defined]
 
 
 os.register_at_fork(after_in_child=_renew_all)

@@ -495,7 +495,7 @@ def test_no_path_leads_out_of_the_window_that_costs_to_go_are_known_in(beside: f
     judged = StateChecker(World("w", bounds, (shape,)), Robot.disc(0.3))
     lattice = Lattice(judged, 0.4, 1)
     found = [
-        lattice.find_path(*ends, CostToGo.of(judged, ends[1], 15, window=part), weight=1.0, budget=PLENTY)[0]
+        lattice.find_path(ends[0], ends[1], CostToGo.of(judged, ends[1], 15, window=part), weight=1.0, budget=PLENTY)[0]
         for part in (None, window)
     ]
     assert len(found[0]) > 0
