@@ -399,7 +399,7 @@ def zones(rng: Rng, report: Report, n: int = 8) -> None:
         ends = np.array([asked.start, asked.goal])
         case = question("plan", ends, seconds=float(rng.choice([0.05, 0.1, 0.2])))
         report.about_to_ask(asked.world, case)
-        result = LandmarkPlanner(asked.world, seed=0).plan(*ends, time_limit=case.seconds)
+        result = LandmarkPlanner(asked.world, seed=0).plan(ends[0], ends[1], time_limit=case.seconds)
         report.count("starts in zones")
         report.count("paths out", result.path is not None)
         complaint = None if result.path is None else judge_leaving(asked, result.path)
@@ -419,7 +419,7 @@ def touches(rng: Rng, report: Report, n: int = 30) -> None:
         planner = LandmarkPlanner(world, seed=0)
         if not np.asarray(planner.checker.valid(ends)).all():
             continue
-        result = planner.plan(*ends, time_limit=case.seconds)
+        result = planner.plan(ends[0], ends[1], time_limit=case.seconds)
         if result.path is not None and not (audit := check_path(world, None, result.path)).free:
             complaint = f"collides, says check_path: {audit.collisions}"
             report.case("collision", world, case, complaint)

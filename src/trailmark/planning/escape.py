@@ -21,7 +21,7 @@ from math import cos, pi
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.audit import PathAuditor
@@ -171,9 +171,10 @@ def ways_out_of_zones(
                     heappush(heap, (there + to_go, count, there, np.vstack([rows, way]), bool(free[k])))
 
 
-def _first(flags: NDArray[np.bool_]) -> int:
-    """Return the index of the first that is True; how many there are if none is."""
-    return int(np.argmax(flags)) if flags.any() else len(flags)
+def _first(flags: ArrayLike) -> int:
+    """Return the index of the first that is True, of shape (n,); how many there are if none is."""
+    rows = np.asarray(flags)
+    return int(np.argmax(rows)) if rows.any() else len(rows)
 
 
 def _motions_out(
@@ -189,12 +190,12 @@ def _motions_out(
     """
     robot = checker.robot
     steps = robot.circumradius * np.minimum(FINE * GROWTH ** np.arange(PLACES), COARSE)
-    lengths = np.cumsum(steps)
+    lengths: FloatArray = np.cumsum(steps, dtype=np.float64)
     lengths = lengths[: 1 + np.searchsorted(lengths, longest)]
     if robot.turning_radius is not None:
         for states in _arcs(robot, q, (1.0, -1.0)):
             states[:, 2] = se2.wrap(states[:, 2])
-            yield states, np.arange(1, len(states) + 1) * ARC_STEP * robot.turning_radius
+            yield states, ARC_STEP * robot.turning_radius * np.arange(1.0, len(states) + 1.0)
     if robot.turning_radius is not None or (robot.drive == "differential" and not checker.footprint.is_disc):
         angles = q[2] + np.array([0.0, pi] if robot.reverse else [0.0])
     else:
@@ -205,7 +206,7 @@ def _motions_out(
     for angle in angles:
         yield q + lengths[:, None] * np.array([np.cos(angle), np.sin(angle), 0.0]), lengths
     if robot.drive == "differential" and not checker.footprint.is_disc:
-        turns = LONGEST_TURN / TURN_STEPS * np.arange(1, TURN_STEPS + 1)
+        turns = np.linspace(LONGEST_TURN / TURN_STEPS, LONGEST_TURN, TURN_STEPS)
         for side in (1.0, -1.0):
             states = q + side * turns[:, None] * np.array([0.0, 0.0, 1.0])
             states[:, 2] = se2.wrap(states[:, 2])

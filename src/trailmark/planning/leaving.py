@@ -108,8 +108,8 @@ def leave(
         proven = fresh(without, state, goal, max(seconds_left(), MIN_SECONDS))
     if path is None:
         status: Status = "infeasible" if proven.status == "infeasible" else "timeout"
-        nothing = {"path": None, "first_cost": None, "min_clearance": None, "history": (), "goal": None}
-        return replace(proven, status=status, **nothing), 0
+        nothing = replace(proven, path=None, first_cost=None, min_clearance=None, history=(), goal=None)
+        return replace(nothing, status=status), 0
     assert last is not None  # noqa: S101 # a path was found
     # In a zone there is no clearance.
     answer = without.verification.result(

@@ -77,10 +77,10 @@ def _replanned(
     if free[1] and (zones := zones_at(model.checker, ends[0])) and model.without(zones).checker.valid(ends[0]):
         seconds = max(options.deadline - perf_counter(), MIN_SECONDS)
 
-        def rest(start: FloatArray, goal: FloatArray, seconds: float) -> ReplanResult:
+        def go_on(start: FloatArray, goal: FloatArray, seconds: float) -> ReplanResult:
             return Replanner(model, start, goal, replace(options, deadline=perf_counter() + seconds)).answer(path)
 
-        left, escape = leave(model, zones, ends[0], ends[1], seconds, answer_query, rest)
+        left, escape = leave(model, zones, ends[0], ends[1], seconds, answer_query, go_on)
         names = " and ".join(zones)
         reason = f"no path out of {names} was found" if left.path is None else f"the path leaves {names} first"
         return replace(as_replan(left, ""), reason=reason, escape=escape)
