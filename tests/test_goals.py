@@ -134,7 +134,7 @@ def test_goals_are_told_from_configurations() -> None:
         lambda: Query("a", (0, 0, 90), (1, 1, 0)),
         lambda: Query("a", (0, 0, 0), (1, 1, 45)),
         lambda: Rectangle((0.0, 0.0), 1.0, 2.0, 30.0),
-        lambda: OneWayZone(Polygon([(0, 0), (1, 0), (1, 1)]), 90.0, 0.5),
+        lambda: OneWayZone(Polygon(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])), 90.0, 0.5),
     ],
 )
 def test_angles_that_look_like_degrees_are_warned_of(make: Callable[[], object]) -> None:
