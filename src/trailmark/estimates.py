@@ -3,7 +3,6 @@
 :mod:`trailmark.estimation.risk.allocation` makes worlds of such obstacles.
 """
 
-# Tested by tests/estimation/risk/test_growth.py and test_allocation.py.
 from __future__ import annotations
 
 import math

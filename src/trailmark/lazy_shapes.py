@@ -1,7 +1,5 @@
 """LazyShapes: a sequence of obstacles that are made when somebody asks for one of them."""
 
-# Tested by tests/formats/test_cell_obstacles.py.
-
 from __future__ import annotations
 
 from abc import abstractmethod

@@ -1,6 +1,5 @@
 """Query: from where to where."""
 
-# Tested by tests/test_world.py.
 from __future__ import annotations
 
 from dataclasses import dataclass

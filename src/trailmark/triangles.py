@@ -1,7 +1,5 @@
 """Polygons cut into convex pieces."""
 
-# Tested by tests/test_shapes.py.
-
 from __future__ import annotations
 
 import numpy as np

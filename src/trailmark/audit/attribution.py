@@ -1,6 +1,5 @@
 """With what a robot collides, where, and how deep: the colliding intervals of a path, obstacle by obstacle."""
 
-# Tested by tests/audit/test_auditor.py.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator

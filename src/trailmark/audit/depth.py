@@ -4,7 +4,6 @@ Source of the definition: Dobkin, Hershberger, Kirkpatrick & Suri, "Computing th
 Algorithmica 9 (1993).
 """
 
-# Tested by tests/audit/test_depth.py.
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -4,7 +4,6 @@ With the robot's reference point at the origin, it overlaps an obstacle if and o
 difference of the two; the shortest translation out leads to the nearest point inside of no piece's difference.
 """
 
-# Tested by tests/audit/test_depth.py.
 from __future__ import annotations
 
 from math import cos, hypot, sin

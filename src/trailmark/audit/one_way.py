@@ -1,6 +1,5 @@
 """Where a path travels through one-way zones in a wrong direction."""
 
-# Tested by tests/audit/test_one_way.py.
 from __future__ import annotations
 
 from collections.abc import Iterable

@@ -1,6 +1,5 @@
 """Scale: places along a path, in metres that no point of the robot outruns."""
 
-# Tested by tests/audit/test_auditor.py.
 from __future__ import annotations
 
 import numpy as np

@@ -1,6 +1,5 @@
 """Where along a path the robot collides: nothing is sampled, no collision is missed and touching is none."""
 
-# Tested by tests/audit/test_auditor.py.
 from __future__ import annotations
 
 from math import cos, fabs, hypot, sin

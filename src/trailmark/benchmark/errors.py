@@ -1,6 +1,5 @@
 """Errors of a benchmark's input, and of the machinery that runs it."""
 
-# Tested by tests/benchmark/test_store.py and its neighbours.
 from __future__ import annotations
 
 from trailmark.errors import TrailmarkError

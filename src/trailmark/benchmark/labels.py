@@ -1,6 +1,5 @@
 """Labels that distinguish experiments of one name by what they differ in."""
 
-# Tested by tests/benchmark/test_summary.py.
 from __future__ import annotations
 
 import json

@@ -1,6 +1,5 @@
 """PlannerName: what one planner of a benchmark is called, parameters included."""
 
-# Tested by tests/benchmark/test_planners.py.
 from __future__ import annotations
 
 from typing import NamedTuple

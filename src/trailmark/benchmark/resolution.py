@@ -1,6 +1,5 @@
 """Resolution: how far apart the states lie that OMPL's discrete motion validation checks."""
 
-# Tested by tests/benchmark/test_problems.py.
 from __future__ import annotations
 
 import math

@@ -4,7 +4,6 @@ Planner Arena and OMPL's ``ompl_benchmark_statistics`` ask for the tables ``expe
 ``enums``, ``runs`` and ``progress``, and take any further columns of the last two as what was measured.
 """
 
-# Tested by tests/benchmark/test_store.py.
 from __future__ import annotations
 
 from trailmark.benchmark.status import Status

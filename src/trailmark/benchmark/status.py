@@ -1,6 +1,5 @@
 """Status: how a run ended, with OMPL's numbers."""
 
-# Tested by tests/benchmark/test_record.py.
 from __future__ import annotations
 
 from enum import IntEnum

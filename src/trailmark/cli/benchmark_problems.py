@@ -1,6 +1,5 @@
 """What ``trailmark benchmark`` runs on: worlds by name, the worlds of a suite's file, or a public suite's."""
 
-# Tested by tests/cli/test_benchmark.py and tests/cli/test_benchmark_suites.py.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Where a path begins and where it may end, as the shell's options or a world's query say it."""
 
-# Tested by tests/cli/test_plan.py.
-
 from __future__ import annotations
 
 import math

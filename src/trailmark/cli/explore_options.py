@@ -1,7 +1,5 @@
 """What the options of ``trailmark explore`` mean: with what an exploration is begun, and where it ends."""
 
-# Tested by tests/cli/test_explore.py.
-
 from __future__ import annotations
 
 from collections.abc import Mapping

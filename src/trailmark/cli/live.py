@@ -1,7 +1,5 @@
 """``trailmark live``: a world in the browser, whose certified path follows what is dragged."""
 
-# Tested by tests/live/test_server.py.
-
 from __future__ import annotations
 
 import os

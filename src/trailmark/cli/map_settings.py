@@ -1,7 +1,5 @@
 """What the options of ``trailmark map`` mean for :func:`trailmark.estimation.map_log`."""
 
-# Tested by tests/cli/test_map.py.
-
 from __future__ import annotations
 
 import math

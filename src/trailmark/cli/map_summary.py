@@ -1,7 +1,5 @@
 """What ``trailmark map`` prints on the map that it made."""
 
-# Tested by tests/cli/test_map.py.
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Options for nav2's filter masks, which add zones to a world."""
 
-# Tested by tests/cli/test_masks.py.
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated

@@ -1,7 +1,5 @@
 """What a path costs, on the command line: ``--objective``, and the rows of the summary that say so."""
 
-# Tested by tests/cli/test_plan_objective.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,6 +1,5 @@
 """Body: a robot's region as the kernels of the audit take it, whole or without the rim that may touch."""
 
-# Tested by tests/audit/test_auditor.py.
 from __future__ import annotations
 
 from itertools import pairwise

@@ -9,8 +9,6 @@ reference point). Over an arc of length Δs the robot turns by Δs/ρ about a ce
 than ρ + R, so that none moves by more than Δs·(1 + R/ρ).
 """
 
-# Tested by tests/collision/test_motions.py, tests/motion/test_curve.py and tests/collision/test_mutants.py.
-
 from __future__ import annotations
 
 from math import cos, fabs, hypot, sin

@@ -1,7 +1,5 @@
 """StateChecker: whether configurations are valid, their clearance, and whether motions are free of collision."""
 
-# Tested by tests/collision/test_checker.py, test_motions.py and test_contact.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Kernels that bring an obstacle grid and its clearance field up to date after an obstacle came, went or moved."""
 
-# Tested by tests/collision/test_cells.py.
-
 from __future__ import annotations
 
 import numpy as np

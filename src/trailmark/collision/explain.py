@@ -1,7 +1,5 @@
 """Why a configuration is not valid, in words: which obstacle or bound, and by how much. Computed by shapely alone."""
 
-# Tested by tests/collision/test_explain.py.
-
 from __future__ import annotations
 
 import numpy as np

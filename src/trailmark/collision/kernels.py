@@ -5,8 +5,6 @@ footprint's discs; exact distances between the footprint's outline and the segme
 configurations within DEEP_TOLERANCE of touching (:mod:`trailmark.collision.checker`).
 """
 
-# Tested by tests/collision/test_checker.py and test_motions.py.
-
 from __future__ import annotations
 
 from math import cos, floor, sin

@@ -6,7 +6,6 @@ of one meets an edge of the other: so all that happens on a piece follows from p
 segments that stand still.
 """
 
-# Tested by tests/audit/test_auditor.py.
 from __future__ import annotations
 
 from math import cos, floor, hypot, sin, sqrt

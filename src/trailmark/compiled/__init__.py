@@ -4,7 +4,6 @@ See :mod:`trailmark.compiled.kernel` and :mod:`trailmark.compiled.cache`; for fu
 an argument, :mod:`trailmark.compiled.variants`.
 """
 
-# Tested by tests/compiled/test_kernel.py.
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -4,7 +4,6 @@ Numba counts a reference to each array that a function is given, and to each tha
 operations. In a small function that a loop of another calls, they take several times as long as all else that it does.
 """
 
-# Tested by tests/compiled/test_borrowing.py.
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -11,7 +11,6 @@ What is kept is machine code alone. Numba also keeps what another kernel needs t
 it could compile with before it loads anything: two thirds of the time that loading takes, and most of the disk.
 """
 
-# Tested by tests/compiled/test_cache.py.
 from __future__ import annotations
 
 import fcntl

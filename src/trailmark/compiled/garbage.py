@@ -1,6 +1,5 @@
 """Garbage collection that waits: it looks at millions of numba's objects again and again while they are needed."""
 
-# Tested by tests/compiled/test_garbage.py.
 from __future__ import annotations
 
 import gc

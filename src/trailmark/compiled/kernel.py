@@ -6,7 +6,6 @@ that is compiled because another calls it stays as it is, until the caller's cod
 and becomes machine code as a whole. If Python calls it too, it is compiled for Python then.
 """
 
-# Tested by tests/compiled/test_kernel.py.
 from __future__ import annotations
 
 from collections.abc import Callable

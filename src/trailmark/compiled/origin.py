@@ -1,6 +1,5 @@
 """What a kernel is compiled from: its own code, the constants that it reads, and the code of all that it calls."""
 
-# Tested by tests/compiled/test_cache.py.
 from __future__ import annotations
 
 import hashlib

@@ -4,7 +4,6 @@ What a kernel returns becomes a Python object by calls that run a few lines of P
 kernel ran (Ctrl-C) is handled there: the call fails, and numba goes on with a null pointer, which ends the process.
 """
 
-# Tested by tests/compiled/test_python_api.py.
 from __future__ import annotations
 
 from typing import Any

@@ -1,6 +1,5 @@
 """One line on stderr that says that kernels are being compiled, and for how long it may go on."""
 
-# Tested by tests/compiled/test_report.py.
 from __future__ import annotations
 
 import sys

@@ -1,6 +1,5 @@
 """Compiling in two processes side by side: numba compiles one kernel at a time in each."""
 
-# Tested by tests/compiled/test_side_by_side.py.
 from __future__ import annotations
 
 import os

@@ -1,6 +1,5 @@
 """Signals that wait: an exception between two lines of numba's leaves its tables, and then the process, broken."""
 
-# Tested by tests/compiled/test_signals.py.
 from __future__ import annotations
 
 import signal

@@ -4,7 +4,6 @@ What numba brings for ``np.empty``, ``min`` and the like is compiled for each ty
 machine code of, which nobody calls: callers contain their code.
 """
 
-# Tested by tests/compiled/test_target.py.
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -3,7 +3,6 @@
 Numba's own way (``numba.extending.overload``) compiles a function in between for each choice, a tenth of a second.
 """
 
-# Tested by tests/compiled/test_variants.py and tests/motion/test_motion.py.
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -9,8 +9,6 @@ So where rounding alone sets the goal aside, it must not cost a circle: an arc t
 moves the goal by no more than rounding does is left out.
 """
 
-# Tested by tests/curves/test_words.py.
-
 from __future__ import annotations
 
 from math import asin, atan2, cos, fabs, floor, hypot, pi, sin, sqrt

@@ -5,8 +5,6 @@ Source: Reeds & Shepp, "Optimal paths for a car that goes both forwards and back
 the paper's), by driving in the opposite direction, by swapping left and right, and by reversing the pieces' order.
 """
 
-# Tested by tests/curves/test_words.py.
-
 from __future__ import annotations
 
 from math import acos, asin, atan2, cos, fabs, floor, hypot, pi, sin, sqrt

@@ -1,7 +1,5 @@
 """Steering: the curves that a car-like robot can follow, and the shortest ones between configurations."""
 
-# Tested by tests/curves/test_steering.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The exceptions of the estimators; all are :class:`trailmark.errors.TrailmarkError`."""
 
-# Tested by tests/estimation/test_estimation_arguments.py.
-
 from __future__ import annotations
 
 from trailmark.errors import TrailmarkError

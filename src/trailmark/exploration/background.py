@@ -1,7 +1,5 @@
 """Work in a thread beside the sensing: a robot that stands still goes on to see."""
 
-# Tested by tests/exploration/test_explorer.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

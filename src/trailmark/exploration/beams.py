@@ -4,8 +4,6 @@ What is gone is told by beams that go through the surface that was there: one th
 says nothing against it.
 """
 
-# Tested by tests/exploration/test_known_map.py.
-
 from __future__ import annotations
 
 from math import cos, hypot, pi, sin

@@ -1,7 +1,5 @@
 """Landmarks to choose from: centres of the free space known so far, and of what sees the frontiers left over."""
 
-# Tested by tests/exploration/test_survey.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What is kept for each cell of a grid that beams fill in."""
 
-# Tested by tests/exploration/test_known_map.py.
-
 from __future__ import annotations
 
 from math import ceil, log2

@@ -1,7 +1,5 @@
 """Where an exploring robot goes: the landmark that was chosen, and the certified path that leads there."""
 
-# Tested by tests/exploration/test_explorer.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

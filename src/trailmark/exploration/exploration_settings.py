@@ -1,7 +1,5 @@
 """The numbers of an exploration that a person may want to change."""
 
-# Tested by tests/exploration/test_explorer.py.
-
 from __future__ import annotations
 
 import math

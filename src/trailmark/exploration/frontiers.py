@@ -1,7 +1,5 @@
 """Frontiers: where free space that is known borders on what is not known."""
 
-# Tested by tests/exploration/test_survey.py.
-
 from __future__ import annotations
 
 from math import ceil

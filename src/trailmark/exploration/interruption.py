@@ -1,7 +1,5 @@
 """Ctrl-C, kept until what is under way is done."""
 
-# Tested by tests/exploration/test_explorer.py.
-
 from __future__ import annotations
 
 import signal

@@ -1,7 +1,5 @@
 """The way to a landmark; where there is none, or none is found, what that says of the places around."""
 
-# Tested by tests/exploration/test_survey.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

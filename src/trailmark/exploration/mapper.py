@@ -1,7 +1,5 @@
 """What makes a map of what a robot senses, while it explores: poses, cells, and how sure they are."""
 
-# Tested by tests/exploration/test_scan_mapper.py and tests/exploration/test_detection_mapper.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

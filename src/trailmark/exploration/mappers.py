@@ -1,7 +1,5 @@
 """Which sensors there are, which mapper one needs, and which worlds it can see."""
 
-# Tested by tests/exploration/test_explorer.py.
-
 from __future__ import annotations
 
 import math

@@ -1,7 +1,5 @@
 """What a strategy chooses from: landmarks to drive to, what may be seen from them, and what it costs to get there."""
 
-# Tested by tests/exploration/test_strategies.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The planner in the map that is known, and what changes with the map's cells."""
 
-# Tested by tests/exploration/test_explorer.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

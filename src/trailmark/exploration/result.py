@@ -1,7 +1,5 @@
 """The outcome of an exploration, and what is told of it on the way."""
 
-# Tested by tests/exploration/test_explorer.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

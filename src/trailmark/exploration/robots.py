@@ -3,8 +3,6 @@
 A real robot, a ROS node or the simulator stands behind it.
 """
 
-# Tested by tests/exploration/test_simulated_robot.py.
-
 from __future__ import annotations
 
 from collections.abc import Sequence

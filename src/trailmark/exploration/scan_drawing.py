@@ -1,7 +1,5 @@
 """Drawing a map of scans: of those that lie apart, and of the last ones."""
 
-# Tested by tests/exploration/test_scan_mapper.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """How an exploring robot's scans are matched: by what its laser and its odometry say of their noise."""
 
-# Tested by tests/exploration/test_scan_mapper.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

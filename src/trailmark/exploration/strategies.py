@@ -1,7 +1,5 @@
 """Strategies: which landmark an exploration goes to next."""
 
-# Tested by tests/exploration/test_strategies.py.
-
 from __future__ import annotations
 
 from collections.abc import Mapping

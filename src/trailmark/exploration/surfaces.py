@@ -3,8 +3,6 @@
 A cell keeps the box of the stretches of surface in it, so that a passage is as wide as it was measured.
 """
 
-# Tested by tests/exploration/test_known_map.py.
-
 from __future__ import annotations
 
 from math import atan2, ceil, cos, floor, hypot, pi, sin

@@ -1,7 +1,5 @@
 """What is left to be seen, and from where: the survey on which a choice rests, or the proof that nothing is left."""
 
-# Tested by tests/exploration/test_survey.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The tour strategy: a shortest way past landmarks from which all frontiers are seen; the first of them is next."""
 
-# Tested by tests/exploration/test_strategies.py.
-
 from __future__ import annotations
 
 import numpy as np

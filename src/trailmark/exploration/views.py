@@ -1,7 +1,5 @@
 """What a place sees in the known map: frontiers in a free line of sight, and unknown area that may lie behind them."""
 
-# Tested by tests/exploration/test_survey.py.
-
 from __future__ import annotations
 
 from math import cos, exp, floor, hypot, pi, sin

@@ -1,7 +1,5 @@
 """Make the compiled kernels of exploration ready before a clock runs."""
 
-# Tested by tests/cli/test_warmup.py.
-
 from __future__ import annotations
 
 from trailmark.exploration.exploration_settings import ExplorationSettings

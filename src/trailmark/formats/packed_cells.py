@@ -1,7 +1,5 @@
 """Packed cells: a grid map's cells as the ``grid`` of a world file, a bit for each cell."""
 
-# Tested by tests/formats/test_packed_cells.py.
-
 from __future__ import annotations
 
 import base64

@@ -5,7 +5,6 @@ world file; nav2 itself ignores them). A field's description says what is allowe
 both quote it.
 """
 
-# Tested by tests/formats/test_world_yaml.py and test_nav2_map.py.
 from __future__ import annotations
 
 import math

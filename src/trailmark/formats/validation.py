@@ -1,6 +1,5 @@
 """Plain data as the models of :mod:`trailmark.formats.schema`, or one line that says what is wrong with it."""
 
-# Tested by tests/formats/test_world_yaml.py and test_nav2_map.py.
 from __future__ import annotations
 
 import reprlib

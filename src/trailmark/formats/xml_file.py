@@ -1,6 +1,5 @@
 """XML files of others: parsed whole, without document types, so that no entity is ever expanded."""
 
-# Tested by tests/formats/test_collada.py and tests/formats/test_gazebo.py.
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Band: samples where a short path is likely, in the cells on short paths of the relaxed problem."""
 
-# Tested by tests/landmarks/test_band.py.
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Regions that occupied cells enclose completely: the robot cannot reach them, so they count as occupied."""
 
-# Tested by tests/landmarks/test_enclosed.py.
-
 from __future__ import annotations
 
 import numpy as np

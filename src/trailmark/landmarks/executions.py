@@ -1,7 +1,5 @@
 """Executions of the source method, and of trailmark's own, in a world: from sensing to usable landmarks."""
 
-# Tested by tests/landmarks/test_executions.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Costs of a disc's paths over the cells of a grid: compiled Dijkstra search, and the cells' clearances."""
 
-# Tested by tests/landmarks/test_relaxation.py.
-
 from __future__ import annotations
 
 from math import hypot, sqrt

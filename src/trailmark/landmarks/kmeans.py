@@ -1,7 +1,5 @@
 """Landmarks: K-means centres of valid configurations, each replaced by the sample nearest to it."""
 
-# Tested by tests/landmarks/test_kmeans.py.
-
 from __future__ import annotations
 
 import warnings

@@ -1,7 +1,5 @@
 """K-means of very many samples by mini-batches, in bounded memory, with progress."""
 
-# Tested by tests/landmarks/test_mini_batches.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

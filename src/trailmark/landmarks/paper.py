@@ -4,8 +4,6 @@ It is implemented to the letter, weaknesses included: obstacles count as boxes, 
 and the robot's shape play no part. The planner uses :func:`trailmark.landmarks.k_means_landmarks` instead.
 """
 
-# Tested by tests/landmarks/test_paper.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

@@ -6,8 +6,6 @@ most half a diagonal from the cell's centre. Costs over the open cells show wher
 placing of landmarks and prove nothing.
 """
 
-# Tested by tests/landmarks/test_relaxation.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Centres that the robot cannot use, and what replaces them: K-means takes no account of obstacles."""
 
-# Tested by tests/landmarks/test_repair.py.
-
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -7,8 +7,6 @@ from obstacles into narrow passages: Wilmarth, Amato & Stiller, "MAPRM", ICRA 19
 the solution of certain non-linear problems in least squares", Quarterly of Applied Mathematics 1944.
 """
 
-# Tested by tests/landmarks/test_retraction.py.
-
 from __future__ import annotations
 
 from math import cos, inf, sin, sqrt

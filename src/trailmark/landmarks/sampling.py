@@ -1,7 +1,5 @@
 """Configurations drawn over a world: uniform or Halton, all or only those that are valid and within reach."""
 
-# Tested by tests/landmarks/test_sampling.py.
-
 from __future__ import annotations
 
 import math

@@ -1,7 +1,5 @@
 """How many landmarks a sensor needs so that, wherever the robot is, one of them is likely to be within range."""
 
-# Tested by tests/landmarks/test_sensor_range.py.
-
 from __future__ import annotations
 
 from math import acos, ceil, isfinite, pi, sqrt

@@ -1,7 +1,5 @@
 """How much landmarks differ from one run to the next: centres matched between runs, and their distances."""
 
-# Tested by tests/landmarks/test_stability.py.
-
 from __future__ import annotations
 
 from collections.abc import Sequence

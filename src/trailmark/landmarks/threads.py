@@ -1,7 +1,5 @@
 """One thread for scikit-learn, so that the same seed gives the same centres."""
 
-# Tested by tests/landmarks/test_kmeans.py.
-
 from __future__ import annotations
 
 from functools import lru_cache

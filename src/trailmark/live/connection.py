@@ -1,7 +1,5 @@
 """One client of the live page: its messages in, its answers out, and the thread in which they are found."""
 
-# Tested by tests/live/test_connection.py and test_server.py.
-
 from __future__ import annotations
 
 import asyncio

@@ -1,7 +1,5 @@
 """What the live page draws under a path: roadmap, clearances, heuristic, and C-obstacle."""
 
-# Tested by tests/live/test_session.py.
-
 from __future__ import annotations
 
 import base64

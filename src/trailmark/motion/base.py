@@ -7,8 +7,6 @@ and calls the functions below, which are chosen by its type while it is compiled
 Python uses a :class:`Motion`, which holds that tuple.
 """
 
-# Tested by tests/motion/test_motion.py and test_curve.py.
-
 from __future__ import annotations
 
 from abc import ABC, abstractmethod

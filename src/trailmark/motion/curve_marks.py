@@ -6,8 +6,6 @@ arcs and straight lines that is as long as a marked one and passes its marks is 
 either halfway, if no other one is as long, or all along it.
 """
 
-# Tested by tests/motion/test_curve_marks.py.
-
 from __future__ import annotations
 
 from collections.abc import Iterator

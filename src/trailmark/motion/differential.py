@@ -1,7 +1,5 @@
 """Motions of a differential drive: turn in place to face the end, drive there along the heading, turn in place."""
 
-# Tested by tests/motion/test_differential.py.
-
 from __future__ import annotations
 
 from math import atan2, fabs, hypot, pi

@@ -4,8 +4,6 @@ To pass the checker's arrays to compiled code takes longer (4 µs) than most ans
 addresses in one array of integers; a call then passes the address of that array and the coordinates (less than 1 µs).
 """
 
-# Tested by tests/motion/test_pointwise.py and test_curve.py.
-
 from __future__ import annotations
 
 from math import isfinite, pi

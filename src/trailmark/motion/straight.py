@@ -1,7 +1,5 @@
 """Straight motions in SE(2): x, y and heading are linear, the heading the shorter way round."""
 
-# Tested by tests/motion/test_motion.py.
-
 from __future__ import annotations
 
 from math import fabs, hypot

@@ -1,7 +1,5 @@
 """Translations of a disc: its heading does not matter for collisions and is added when the path is returned."""
 
-# Tested by tests/motion/test_motion.py.
-
 from __future__ import annotations
 
 from math import hypot

@@ -1,7 +1,5 @@
 """StateValidityChecker and MotionValidator: trailmark's collision checks as OMPL calls them."""
 
-# Tested by tests/ompl_bridge/test_checker.py and test_curves.py.
-
 from __future__ import annotations
 
 from math import pi

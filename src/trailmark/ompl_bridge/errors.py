@@ -1,7 +1,5 @@
 """Errors of the parts that plug into an OMPL program."""
 
-# Tested by tests/ompl_bridge/test_arguments.py.
-
 from __future__ import annotations
 
 from trailmark.errors import ConfigurationError, TrailmarkError

@@ -1,7 +1,5 @@
 """Goals of OMPL's as trailmark's: a state, a state with a threshold, several states, or a region of any kind."""
 
-# Tested by tests/ompl_bridge/test_goals.py.
-
 from __future__ import annotations
 
 from typing import Any

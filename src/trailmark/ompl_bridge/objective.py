@@ -1,7 +1,5 @@
 """PathObjective: trailmark's objectives and zones, for OMPL's planners and for the landmark planner in OMPL."""
 
-# Tested by tests/ompl_bridge/test_objective.py.
-
 from __future__ import annotations
 
 from typing import Any

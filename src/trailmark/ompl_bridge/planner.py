@@ -1,7 +1,5 @@
 """The landmark planner as one of OMPL's: in a SimpleSetup, or beside the C++ planners in OMPL's Benchmark."""
 
-# Tested by tests/ompl_bridge/test_planner.py and test_planner_cars.py.
-
 from __future__ import annotations
 
 import threading

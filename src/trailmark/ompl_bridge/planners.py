@@ -1,7 +1,5 @@
 """OMPL's planners by name, with whatever the installed OMPL binds."""
 
-# Tested by tests/ompl_bridge/test_planner.py.
-
 from __future__ import annotations
 
 from typing import Any

@@ -1,7 +1,5 @@
 """plug_landmark_sampler: one call that puts the landmark samplers wherever the installed OMPL takes them."""
 
-# Tested by tests/ompl_bridge/test_samplers.py.
-
 from __future__ import annotations
 
 from collections.abc import Mapping

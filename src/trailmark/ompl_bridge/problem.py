@@ -1,7 +1,5 @@
 """SE2Problem and simple_setup: a world, a robot and a query as OMPL plans with them."""
 
-# Tested by tests/ompl_bridge/test_arguments.py and test_planner.py.
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """State spaces of x, y and heading: made for a world, and required of those that come from elsewhere."""
 
-# Tested by tests/ompl_bridge/test_curves.py.
-
 from __future__ import annotations
 
 from typing import Any

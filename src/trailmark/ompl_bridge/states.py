@@ -1,7 +1,5 @@
 """Conversions between arrays and OMPL's states, paths and planner data."""
 
-# Tested by tests/ompl_bridge/test_states.py.
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

@@ -1,7 +1,5 @@
 """One query, whatever its goal is and wherever it starts."""
 
-# Tested by tests/planning/test_planner.py, test_leaving.py and test_goal_search.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

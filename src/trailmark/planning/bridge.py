@@ -1,7 +1,5 @@
 """Bridge: landmarks where the parts of a roadmap that start and goal belong to come closest."""
 
-# Tested by tests/planning/test_planner.py.
-
 from __future__ import annotations
 
 import numpy as np

@@ -3,8 +3,6 @@
 Source: Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996.
 """
 
-# Tested by tests/planning/test_final_check.py.
-
 from __future__ import annotations
 
 from math import cos, hypot, sin

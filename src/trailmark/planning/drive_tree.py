@@ -1,7 +1,5 @@
 """A tree of a car's drives: grown from sources by the cheapest first, in compiled code."""
 
-# Tested by tests/planning/test_hybrid_astar.py.
-
 from __future__ import annotations
 
 from math import ceil, cos, floor, hypot, pi, sin

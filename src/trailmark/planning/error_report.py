@@ -1,7 +1,5 @@
 """Reports of trailmark's own errors: what turned out wrong is not returned, but kept in a file that reproduces it."""
 
-# Tested by tests/planning/test_final_check.py and tests/planning/proofs/test_claims.py.
-
 from __future__ import annotations
 
 import json

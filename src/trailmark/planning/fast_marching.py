@@ -6,8 +6,6 @@ direction. Each square is cut into two triangles, mirrored from square to square
 Source: Kimmel & Sethian, "Computing geodesic paths on manifolds", PNAS 95, 1998.
 """
 
-# Tested by tests/planning/proofs/test_eikonal.py.
-
 from __future__ import annotations
 
 from math import sqrt

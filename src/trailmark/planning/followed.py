@@ -1,7 +1,5 @@
 """FollowedPath: the path that a planner returned last, and where changes of the world may have touched it."""
 
-# Tested by tests/planning/test_replanning.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The end of a path, moved within its goal as long as that makes the path cheaper."""
 
-# Tested by tests/planning/test_goal_search.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

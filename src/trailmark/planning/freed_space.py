@@ -1,7 +1,5 @@
 """Landmarks where obstacles changed: pushed out of what came, and spread over what went."""
 
-# Tested by tests/planning/test_updating.py.
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Candidates: configurations of a query's goals that may be planned to, and about what paths there cost."""
 
-# Tested by tests/planning/test_goal_search.py.
-
 from __future__ import annotations
 
 from math import atan2

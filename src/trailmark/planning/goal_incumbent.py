@@ -1,7 +1,5 @@
 """GoalIncumbent: the best path to any of a query's goals, what is known of each, and what is proven."""
 
-# Tested by tests/planning/test_goal_search.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

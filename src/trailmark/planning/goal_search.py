@@ -5,8 +5,6 @@ found, then those that may be cheaper by what is proven of them. A path to a goa
 then gets the end that costs it least.
 """
 
-# Tested by tests/planning/test_goal_search.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -4,8 +4,6 @@ More landmarks in tight places, with headings along them, were tried: at the sam
 queries, and paths are no shorter.
 """
 
-# Tested by tests/planning/test_batch.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Improvement: other ways around, and landmarks where better paths might run, until the best path settles."""
 
-# Tested by tests/planning/test_planner.py and test_settings.py.
-
 from __future__ import annotations
 
 import numpy as np

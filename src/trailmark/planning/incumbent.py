@@ -1,7 +1,5 @@
 """Incumbent: the best path of a query so far, what it took to get there, and what is proven about better ones."""
 
-# Tested by tests/planning/test_planner.py, test_batch.py and tests/planning/proofs/test_claims.py.
-
 from __future__ import annotations
 
 from time import perf_counter

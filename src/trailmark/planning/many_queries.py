@@ -1,7 +1,5 @@
 """Many queries: most are answered on the roadmap as it is, side by side; the others let it grow, one after another."""
 
-# Tested by tests/planning/test_batch.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence

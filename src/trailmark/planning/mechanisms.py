@@ -1,7 +1,5 @@
 """Mechanisms of the planner, each of which can be switched off, and the planners that are made so."""
 
-# Tested by tests/planning/test_methods.py.
-
 from __future__ import annotations
 
 from typing import Literal, get_args

@@ -1,7 +1,5 @@
 """WorldModels: a planner's models of its world, with the regions that moving obstacles sweep and without them."""
 
-# Tested by tests/planning/test_updating.py and test_space_time.py.
-
 from __future__ import annotations
 
 import pickle

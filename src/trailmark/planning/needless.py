@@ -1,7 +1,5 @@
 """Needless vertices of a path: those whose neighbours a certified motion joins at no higher cost."""
 
-# Tested by tests/planning/test_needless.py.
-
 from __future__ import annotations
 
 from typing import Any

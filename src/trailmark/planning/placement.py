@@ -1,7 +1,5 @@
 """Landmarks of one query: placed where short paths are likely, joined to a roadmap, and searched for a path."""
 
-# Tested by tests/planning/test_planner.py and test_roadmap_lookup.py.
-
 from __future__ import annotations
 
 from time import perf_counter

@@ -1,7 +1,5 @@
 """Proposals: where a vertex of a path might better be, for each kind of motion, and where to add some."""
 
-# Tested by tests/planning/test_shortening.py and test_curve_shortening.py.
-
 from __future__ import annotations
 
 from math import cos, hypot, pi, sin, sqrt

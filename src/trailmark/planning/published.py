@@ -1,7 +1,5 @@
 """The published landmarks (:mod:`trailmark.landmarks.paper`) as nodes at which a robot can stand, with paths."""
 
-# Tested by tests/planning/test_methods.py.
-
 from __future__ import annotations
 
 from time import perf_counter

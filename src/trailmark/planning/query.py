@@ -1,7 +1,5 @@
 """Query: what all steps of planning share: the ends, the clock, the best path so far, and whom to tell."""
 
-# Tested by tests/planning/test_planner.py and test_final_check.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

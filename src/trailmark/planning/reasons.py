@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.goals import Ends, Goal, goals_of
-from trailmark.planning.leaving import zones_at
 from trailmark.planning.reach import Ways, narrow_clause, reach
 from trailmark.planning.result import PlanResult
-from trailmark.planning.world_model import WorldModel
+from trailmark.planning.world_model import WorldModel, zones_at
 from trailmark.se2 import FloatArray
 
 __all__ = ["explained"]

@@ -1,7 +1,5 @@
 """Redriving: a car's path with fewer changes of direction, by hybrid A* from its tight end to the path itself."""
 
-# Tested by tests/planning/test_car_objective.py.
-
 from __future__ import annotations
 
 import numpy as np

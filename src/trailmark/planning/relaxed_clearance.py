@@ -1,7 +1,5 @@
 """Relaxed clearance: where no path is found that keeps what is asked for, one that keeps as much as there is."""
 
-# Tested by tests/planning/test_clearance.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

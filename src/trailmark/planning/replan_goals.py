@@ -1,7 +1,5 @@
 """Replanning to goals: the path being followed is kept or repaired as long as it leads to one of them."""
 
-# Tested by tests/planning/test_goal_queries.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

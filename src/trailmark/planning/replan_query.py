@@ -1,7 +1,5 @@
 """A query for which there is a path already, and whose ends may stand in obstacles by now."""
 
-# Tested by tests/planning/test_replanning.py and test_escape.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

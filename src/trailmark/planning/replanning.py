@@ -1,7 +1,5 @@
 """Replanning: the path being followed is kept while it holds in the changed world, repaired where it does not."""
 
-# Tested by tests/planning/test_replanning.py.
-
 from __future__ import annotations
 
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Rest: what is left of a path from where the robot is, and where it is blocked."""
 
-# Tested by tests/planning/test_replanning.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

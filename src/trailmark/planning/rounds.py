@@ -1,7 +1,5 @@
 """Rounds of landmarks: while there is no path, each draws from a wider band and places more of them."""
 
-# Tested by tests/planning/test_planner.py, test_car.py and tests/planning/proofs/test_background.py.
-
 from __future__ import annotations
 
 from time import perf_counter

@@ -1,7 +1,5 @@
 """SharedRoadmap: a planner's own roadmap, which queries let grow one at a time and many threads read at once."""
 
-# Tested by tests/planning/test_batch.py and test_planner.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """One query: solved in a model of the world, and its path checked in the form in which it is returned."""
 
-# Tested by tests/planning/test_planner.py and test_final_check.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Solve: how one query is answered. It reads as docs/explanation/method.md does."""
 
-# Tested by tests/planning/test_planner.py, test_car.py and test_interrupts.py.
-
 from __future__ import annotations
 
 from time import perf_counter

@@ -1,7 +1,5 @@
 """The steps of :mod:`trailmark.planning.solve` that take more than a line."""
 
-# Tested by tests/planning/test_planner.py, test_car.py and test_interrupts.py.
-
 from __future__ import annotations
 
 from time import perf_counter

@@ -1,7 +1,5 @@
 """What changes in a planner when its world does."""
 
-# Tested by tests/planning/test_updating.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

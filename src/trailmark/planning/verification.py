@@ -1,7 +1,5 @@
 """Verification: what leaves the planner, paths and bounds, is checked in the form in which it is returned."""
 
-# Tested, too, by tests/planning/test_final_check.py, test_planner.py and tests/planning/proofs/test_claims.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -3,8 +3,6 @@
 The shortest curve may change its direction where a longer one does not.
 """
 
-# Tested by tests/planning/test_curve_shortening.py and test_car_objective.py.
-
 from __future__ import annotations
 
 from math import ceil, fabs, pi

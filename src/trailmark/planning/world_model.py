@@ -1,7 +1,5 @@
 """WorldModel: all that a planner keeps about one world: checker, motion, roadmap, relaxed problem, lower bounds."""
 
-# Tested by tests/planning/test_planner.py, test_batch.py, test_updating.py and test_replanning.py.
-
 from __future__ import annotations
 
 from collections.abc import Container

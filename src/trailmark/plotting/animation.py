@@ -1,6 +1,5 @@
 """Animations of drives through a changing world, as GIF."""
 
-# Tested by tests/plotting/test_animation.py.
 from __future__ import annotations
 
 import io

@@ -1,6 +1,5 @@
 """What every picture is made of: colours, figures and axes, filled regions, lines, legends, files."""
 
-# Tested by tests/plotting/test_plotting.py.
 from __future__ import annotations
 
 import io

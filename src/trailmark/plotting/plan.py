@@ -1,6 +1,5 @@
 """Pictures of plans: a roadmap, a path with the robot along it, the two ends."""
 
-# Tested by tests/plotting/test_plotting.py and test_plotting_cars.py.
 from __future__ import annotations
 
 import math

@@ -1,6 +1,5 @@
 """A robot along its trajectory: as an animation, or as a page of its own with a slider."""
 
-# Tested by tests/plotting/test_trajectory.py.
 from __future__ import annotations
 
 import json

@@ -1,6 +1,5 @@
 """Pictures of worlds: obstacles, what lies outside, the margin that the robot makes of them, starts and goals."""
 
-# Tested by tests/plotting/test_plotting.py.
 from __future__ import annotations
 
 import math

@@ -5,8 +5,6 @@ node refers to its newest entry, each entry to the next older one of the same no
 however many there are.
 """
 
-# Tested by tests/roadmap/test_changes.py.
-
 from __future__ import annotations
 
 from typing import Any

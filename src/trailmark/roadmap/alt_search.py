@@ -7,8 +7,6 @@ Source: Goldberg & Harrelson, "Computing the shortest path: A* search meets grap
 reference nodes are called landmarks.
 """
 
-# Tested by tests/roadmap/test_snapshot.py.
-
 from __future__ import annotations
 
 from math import hypot

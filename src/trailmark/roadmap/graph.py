@@ -1,7 +1,5 @@
 """graph_of: a roadmap as a networkx graph."""
 
-# Tested by tests/roadmap/test_roadmap.py and test_curve_roadmap.py.
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

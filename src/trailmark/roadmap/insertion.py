@@ -1,7 +1,5 @@
 """Insertion: new nodes joined to their nearest neighbours, and new edges between nodes, in a roadmap's store."""
 
-# Tested by tests/roadmap/test_roadmap.py, test_curve_roadmap.py and test_changes.py.
-
 from __future__ import annotations
 
 import math

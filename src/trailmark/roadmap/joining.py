@@ -1,7 +1,5 @@
 """Joining: which nodes of a roadmap a configuration is joined to by certified motions."""
 
-# Tested by tests/roadmap/test_roadmap.py and test_curve_roadmap.py.
-
 from __future__ import annotations
 
 from math import cos, sin

@@ -1,7 +1,5 @@
 """Which nodes and edges of a roadmap a changed obstacle may touch."""
 
-# Tested by tests/roadmap/test_revalidation.py.
-
 from __future__ import annotations
 
 from math import hypot, sqrt

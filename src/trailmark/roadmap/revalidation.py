@@ -1,7 +1,5 @@
 """Revalidation: a roadmap for a world in which obstacles changed, made from the one for the world before."""
 
-# Tested by tests/roadmap/test_revalidation.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

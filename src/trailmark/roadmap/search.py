@@ -4,8 +4,6 @@ Source: Cohen, Phillips & Likhachev, "Planning single-arm manipulations with n-a
 Weighted A*, here with weight 1): an edge is checked when it leaves the queue, not when it enters it.
 """
 
-# Tested by tests/roadmap/test_roadmap.py and test_curve_roadmap.py.
-
 from __future__ import annotations
 
 from time import perf_counter

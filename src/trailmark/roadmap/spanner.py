@@ -1,7 +1,5 @@
 """Adjacency: certified edges by node, in one place each; a sparse subset of them, and distances over them."""
 
-# Tested by tests/roadmap/test_snapshot.py.
-
 from __future__ import annotations
 
 from typing import Any, NamedTuple

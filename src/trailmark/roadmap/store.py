@@ -1,7 +1,5 @@
 """Store: a roadmap's nodes and edges in arrays that only ever grow, and the indices that find them."""
 
-# Tested by tests/roadmap/test_changes.py.
-
 from __future__ import annotations
 
 from enum import IntEnum

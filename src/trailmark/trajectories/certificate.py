@@ -1,7 +1,5 @@
 """Certificates of curved pieces: no configuration along them collides, by bounds on how far the robot moves."""
 
-# Tested by tests/trajectories/test_smooth.py.
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One-way zones along pieces: which directions a piece takes where."""
 
-# Tested by tests/trajectories/test_smooth.py.
-
 from __future__ import annotations
 
 from collections.abc import Iterable

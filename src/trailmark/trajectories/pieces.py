@@ -6,8 +6,6 @@ piece has a parameter s from 0 to its length. On straight and driven pieces s is
 metres; where it stands still, half of the angle turned, in radians; on other parabolas it has no name of its own.
 """
 
-# Tested by tests/trajectories/test_trajectory.py.
-
 from __future__ import annotations
 
 from itertools import pairwise

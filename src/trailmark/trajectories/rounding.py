@@ -8,8 +8,6 @@ is the corner itself, at which the robot stops. A differential drive goes round 
 its middle, along its heading; where it turns in place it stops.
 """
 
-# Tested by tests/trajectories/test_smooth.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -10,8 +10,6 @@ get finer, that is the fastest law (Pham and Pham, "A New Approach to Time-Optim
 Reachability Analysis", IEEE T-RO 34(3), 2018, DOI 10.1109/TRO.2018.2819195).
 """
 
-# Tested by tests/trajectories/test_trajectory.py.
-
 from __future__ import annotations
 
 from collections.abc import Iterable

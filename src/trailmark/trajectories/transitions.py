@@ -7,8 +7,6 @@ shorter clothoids until everything is certified; without any, the car stops at i
 arc meets another one, and at a line that begins or ends where the path does or the car reverses.
 """
 
-# Tested by tests/trajectories/test_smooth.py.
-
 from __future__ import annotations
 
 from itertools import pairwise

@@ -4,7 +4,6 @@ The answer goes out in parts, each a JSON object with fields of :class:`~trailma
 a crash in a later part (counting the graph, simplifying the path) does not take the planning's result with it.
 """
 
-# Tested by tests/benchmark/isolation/test_worker.py.
 from __future__ import annotations
 
 import importlib

@@ -1,6 +1,5 @@
 """MemoryPeak: the heap that a run takes. A forked process shares most of its pages, so its size would tell little."""
 
-# Tested by tests/benchmark/isolation/test_heap.py.
 from __future__ import annotations
 
 import ctypes

@@ -1,6 +1,5 @@
 """A problem made ready for runs: everything is built that does not count as a planner's own time."""
 
-# Tested by tests/benchmark/isolation/test_worker.py.
 from __future__ import annotations
 
 from time import perf_counter

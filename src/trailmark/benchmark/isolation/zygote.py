@@ -5,7 +5,6 @@ stdout, both JSON. A child inherits imports, compiled kernels and the problem, a
 start of a process is part of no planner's time. The zygote kills a child that does not end, and ends with its parent.
 """
 
-# Tested by tests/benchmark/isolation/test_worker.py.
 from __future__ import annotations
 
 import contextlib

@@ -1,6 +1,5 @@
 """BARN: 300 fields of cylinders for the Jackal, as the BARN challenge drives them."""
 
-# Tested by tests/benchmark/public/test_published.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,6 +1,5 @@
 """PublicSuite: what a public set has to tell, and how a part of it is chosen."""
 
-# Tested by tests/benchmark/public/test_catalogue.py.
 from __future__ import annotations
 
 import re

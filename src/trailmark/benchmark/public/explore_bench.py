@@ -1,6 +1,5 @@
 """Explore-Bench's maps: what its robot has to drive through, from where it begins."""
 
-# Tested by tests/benchmark/public/test_nav2.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,6 +1,5 @@
 """Bhardwaj's eight families of pictures: gaps, forests, bug traps and mazes."""
 
-# Tested by tests/benchmark/public/test_published.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -3,7 +3,6 @@
 The same seed gives the same world.
 """
 
-# Tested by tests/benchmark/public/test_graded.py.
 from __future__ import annotations
 
 import math

@@ -1,6 +1,5 @@
 """Moving AI Lab's grids with their scenarios."""
 
-# Tested by tests/benchmark/public/test_published.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,6 +1,5 @@
 """Random ends on a nav2 map, drawn as nav2's planner benchmark draws them."""
 
-# Tested by tests/benchmark/public/test_nav2.py.
 from __future__ import annotations
 
 import math

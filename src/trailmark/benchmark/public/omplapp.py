@@ -1,6 +1,5 @@
 """OMPL.app's problems in the plane."""
 
-# Tested by tests/benchmark/public/test_published.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # ruff: noqa: N803, N806 # the names are the filter's own symbols: P, W
 """Covariance matrices: what is accepted as one, and how one shrinks without losing its symmetry."""
 
-# Tested by tests/estimation/filter/test_ekf.py.
-
 from __future__ import annotations
 
 import numpy as np

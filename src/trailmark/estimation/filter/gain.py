@@ -1,8 +1,6 @@
 # ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, A, H, S, W, L, K
 """What a filter expects of readings, how far they lie from it, and what they correct: prediction, innovation, gain."""
 
-# Tested by tests/estimation/filter/test_ekf.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

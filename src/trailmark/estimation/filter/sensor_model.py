@@ -5,8 +5,6 @@ x is the robot's pose (x, y, theta), l a feature of the world, z the reading of 
 functions broadcast over leading dimensions, so that one call predicts the readings of many features.
 """
 
-# Tested by tests/estimation/filter/test_sensors.py.
-
 from __future__ import annotations
 
 from typing import ClassVar, NamedTuple, Protocol, runtime_checkable

@@ -1,8 +1,6 @@
 # ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, R, G, H
 """The state of a SLAM filter: the robot's pose and features, whose number grows and shrinks."""
 
-# Tested by tests/estimation/filter/test_ekf.py.
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

@@ -1,8 +1,6 @@
 # the names are those of the literature: A, P
 """What a batch is made with and what it comes to."""
 
-# Tested by tests/estimation/graph/test_batch.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a batch estimate takes for granted, with every default in sight."""
 
-# Tested by tests/estimation/graph/test_batch.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

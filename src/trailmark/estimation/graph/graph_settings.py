@@ -1,7 +1,5 @@
 """The settings by which the poses of scans are found, with all defaults."""
 
-# Tested by tests/estimation/graph/test_scan_slam.py.
-
 from __future__ import annotations
 
 import math

@@ -1,8 +1,6 @@
 # the names are those of the literature: A, B, M
 """The sparse linear system that a batch estimate comes to, and what follows from it about its noise."""
 
-# Tested by tests/estimation/graph/test_smoother.py.
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Loop closures: places that were seen before, found among local maps of earlier scans, and verified."""
 
-# Tested by tests/estimation/graph/test_scan_slam.py.
-
 from __future__ import annotations
 
 import math

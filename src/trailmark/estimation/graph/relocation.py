@@ -1,7 +1,5 @@
 """Where in a whole map a scan may have been taken: for a robot that is lost."""
 
-# Tested by tests/exploration/test_scan_mapper.py.
-
 from __future__ import annotations
 
 import math

@@ -1,8 +1,6 @@
 # ruff: noqa: N806 # the names are those of the literature: P, R, S
 """What an estimate leaves, judged: does it fit its noise, which association is better, how sure is the map?"""
 
-# Tested by tests/estimation/graph/test_batch.py.
-
 from __future__ import annotations
 
 from dataclasses import asdict, replace

@@ -3,8 +3,6 @@
 Loop closures hold the graph together; these make the walls that several visits saw one wall.
 """
 
-# Tested by tests/estimation/graph/test_scan_slam.py.
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The scans that are nodes of a pose graph, and local maps made of some of them."""
 
-# Tested by tests/estimation/graph/test_scan_slam.py.
-
 from __future__ import annotations
 
 import numpy as np

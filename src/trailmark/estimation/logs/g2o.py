@@ -9,8 +9,6 @@ consecutive poses become increments; others, loop closures, are no records, and 
 edge joins to the one before it is taken from the vertices.
 """
 
-# Tested by tests/estimation/logs/test_g2o_log.py.
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -4,8 +4,6 @@ Strict: a number is not given as text or boolean, NaN and infinity are refused (
 may be infinite), and so are unknown fields. What may be left out may be null, too.
 """
 
-# Tested by tests/estimation/logs/test_jsonl.py.
-
 from __future__ import annotations
 
 import json

@@ -1,7 +1,5 @@
 """What the readers of text logs share: lines of a file, gzipped or not, tables of numbers, and bad records."""
 
-# Tested by tests/estimation/logs/test_source.py.
-
 from __future__ import annotations
 
 import codecs

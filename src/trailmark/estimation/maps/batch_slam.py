@@ -1,7 +1,5 @@
 """After EKF-SLAM, a batch over the same log: its noise estimated, all poses and features smoothed."""
 
-# Tested by tests/estimation/maps/test_batch_slam.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

@@ -3,8 +3,6 @@
 Source: Amanatides & Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
 """
 
-# Tested by tests/exploration/test_known_map.py and tests/estimation/maps/test_evidence.py.
-
 from __future__ import annotations
 
 from math import floor, inf

@@ -1,7 +1,5 @@
 """What a log's obstacles are made of, and where the robot was: by EKF-SLAM, by the log, or by odometry alone."""
 
-# Tested by tests/estimation/maps/test_log_map.py.
-
 from __future__ import annotations
 
 import math

@@ -1,7 +1,5 @@
 """The result of mapping a log: the world, the robot's trajectory, and figures on how reliable both are."""
 
-# Tested by tests/estimation/maps/test_log_map.py.
-
 from __future__ import annotations
 
 import math

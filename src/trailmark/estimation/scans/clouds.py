@@ -1,7 +1,5 @@
 """A scan as a cloud of end points with the directions of the surfaces that they lie on."""
 
-# Tested by tests/estimation/scans/test_matching.py.
-
 from __future__ import annotations
 
 from math import atan2, cos, hypot, sin

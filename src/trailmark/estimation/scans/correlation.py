@@ -5,8 +5,6 @@ et al. 2016, "Real-time loop closure in 2D LIDAR SLAM"). The covariance is that 
 match, so that the direction of a corridor, along which nothing holds the scan, is known as such.
 """
 
-# Tested by tests/estimation/scans/test_matching.py.
-
 from __future__ import annotations
 
 from math import atan2, ceil, cos, exp, floor, radians, sin

@@ -1,7 +1,5 @@
 """What a scan saw into: between the robot and the surfaces that its beams met."""
 
-# Tested by tests/estimation/scans/test_matching.py.
-
 from __future__ import annotations
 
 import numpy as np

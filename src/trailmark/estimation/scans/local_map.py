@@ -5,8 +5,6 @@ matching"; the maxima over squares of cells are those of Hess et al. 2016, "Real
 and for each cell the nearest of the surface points that the map is made of.
 """
 
-# Tested by tests/estimation/scans/test_matching.py.
-
 from __future__ import annotations
 
 from math import ceil, exp, floor

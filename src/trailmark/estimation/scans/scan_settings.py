@@ -1,7 +1,5 @@
 """The settings by which single scans are segmented, with all defaults."""
 
-# Tested by tests/estimation/scans/test_scan_features.py.
-
 from __future__ import annotations
 
 import math

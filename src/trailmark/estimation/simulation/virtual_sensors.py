@@ -1,7 +1,5 @@
 """Simulated sensors: a detector of point-like discs, and a laser scanner."""
 
-# Tested by tests/estimation/simulation/test_simulator.py.
-
 from __future__ import annotations
 
 import math

@@ -1,7 +1,5 @@
 """What a run over a log gives: trajectory, features, and what happened to the records."""
 
-# Tested by tests/estimation/slam/test_ekf_slam.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The settings of a run over a log, with every default in sight. Tests: tests/estimation/slam/test_ekf_slam.py."""
 
-# Tested by tests/estimation/maps/test_map_settings.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass

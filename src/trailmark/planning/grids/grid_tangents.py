@@ -1,7 +1,5 @@
 """GridTangents: a disc among the cells of a grid map, its shortest paths and lower bounds on their length."""
 
-# Tested by tests/planning/grids/test_search.py.
-
 from __future__ import annotations
 
 from functools import cached_property

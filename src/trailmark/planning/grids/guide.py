@@ -1,7 +1,5 @@
 """Estimated lengths to the goal over the free cells of a grid map, which guide a search and prove nothing; compiled."""
 
-# Tested by tests/planning/grids/test_search.py.
-
 from __future__ import annotations
 
 from math import inf

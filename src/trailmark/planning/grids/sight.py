@@ -5,8 +5,6 @@ A corner is a vertex of the grid at which exactly one of four cells is blocked: 
 turn.
 """
 
-# Tested by tests/planning/grids/test_search.py.
-
 from __future__ import annotations
 
 from math import ceil, floor, hypot, inf

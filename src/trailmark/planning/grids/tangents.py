@@ -9,8 +9,6 @@ Source: Liu & Arimoto, "Path planning using a tangent graph for mobile robots am
 International Journal of Robotics Research 11(4), 1992.
 """
 
-# Tested by tests/planning/grids/test_search.py.
-
 from __future__ import annotations
 
 from math import inf, sqrt

@@ -4,8 +4,6 @@ A search over a lattice knows eight directions, which makes ways longer by up to
 side of an obstacle. Within a corridor about the cheapest way by the fast marching method it cannot.
 """
 
-# Tested by tests/planning/test_objectives.py.
-
 from __future__ import annotations
 
 import numpy as np

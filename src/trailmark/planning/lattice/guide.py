@@ -1,7 +1,5 @@
 """What guides a lattice search: costs to go on a grid, or the straight distance, weighted."""
 
-# Tested by tests/planning/lattice/test_search.py.
-
 from __future__ import annotations
 
 from math import floor, hypot, pi

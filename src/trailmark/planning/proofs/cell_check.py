@@ -5,8 +5,6 @@ nothing with what found it: if what the robot covers at every configuration of t
 there is free. What is not settled so is divided, and with it the centres grow dense just where a way might be.
 """
 
-# Tested by tests/planning/proofs/test_cell_check.py and test_claims.py.
-
 from __future__ import annotations
 
 from collections.abc import Callable

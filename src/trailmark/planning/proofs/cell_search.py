@@ -1,7 +1,5 @@
 """The proof of an enclosure: a plain search over cells that are not blocked, whatever has found and divided them."""
 
-# Tested by tests/planning/proofs/test_enclosure.py.
-
 from __future__ import annotations
 
 import numpy as np

@@ -8,8 +8,6 @@ Source: splitting by need, with tests that only tend to be exact: Wang, Chiang &
 motion planning", Computational Geometry 2015.
 """
 
-# Tested by tests/planning/proofs/test_enclosure.py.
-
 from __future__ import annotations
 
 from math import hypot, pi

@@ -1,7 +1,5 @@
 """Prover: lower bounds and infeasibility, asked for in one place, as far as there is time for them."""
 
-# Tested by tests/planning/proofs/test_background.py and test_claims.py.
-
 from __future__ import annotations
 
 from time import perf_counter

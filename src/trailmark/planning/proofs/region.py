@@ -1,7 +1,5 @@
 """Where a disc's centre may lie: the free space less all that is nearer than the radius, as polygons."""
 
-# Tested by tests/planning/proofs/test_polyanya.py and test_bound.py.
-
 from __future__ import annotations
 
 from collections.abc import Sequence

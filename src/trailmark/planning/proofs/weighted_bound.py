@@ -1,7 +1,5 @@
 """WeightedBound: what every path costs at least under an objective (:class:`trailmark.motion.WeightedMotion`)."""
 
-# Tested by tests/planning/proofs/test_eikonal.py and tests/planning/test_objectives.py.
-
 from __future__ import annotations
 
 import numpy as np

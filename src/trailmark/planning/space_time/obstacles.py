@@ -9,8 +9,6 @@ Between two moments nothing gets into or out of an obstacle without crossing its
 other is looked at for the first state of a path alone.
 """
 
-# Tested by tests/planning/test_space_time.py.
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Replanning among moving obstacles for a robot of known speed, which may pass before or behind them."""
 
-# Tested by tests/planning/test_space_time.py.
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A search over short straight motions for the beginning of a path that passes moving obstacles in time."""
 
-# Tested by tests/planning/test_space_time.py.
-
 from __future__ import annotations
 
 from math import atan2, cos, pi, sin
