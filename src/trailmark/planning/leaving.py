@@ -111,14 +111,14 @@ def leave(
         nothing = replace(proven, path=None, first_cost=None, min_clearance=None, history=(), goal=None)
         return replace(nothing, status=status), 0
     assert last is not None  # noqa: S101 # a path was found
-    # In a zone there is no clearance.
-    answer = without.verification.result(
-        incumbent, "solved", path, model.shared.roadmap, last.time["build"] or 0.0, min_clearance=0.0
-    )
+    answer = without.verification.result(incumbent, "solved", path, model.shared.roadmap, last.time["build"] or 0.0)
     assert answer.path is not None  # noqa: S101 # as above
     whole = model.verification.followed_by_lines(answer.path, leaves=True)
     bound = incumbent.lower_bound if rest is not None else proven.lower_bound
-    answer = replace(answer, path=whole, goal=last.goal, lower_bound=bound, world=model.checker.world)
+    # In a zone there is no clearance.
+    answer = replace(
+        answer, path=whole, goal=last.goal, lower_bound=bound, world=model.checker.world, min_clearance=0.0
+    )
     return answer, len(model.motion.path(out)) - 1
 
 
