@@ -108,8 +108,12 @@ def leave(
         proven = fresh(without, state, goal, max(seconds_left(), MIN_SECONDS))
     if path is None:
         status: Status = "infeasible" if proven.status == "infeasible" else "timeout"
+        named = ", ".join(zones)
+        reason = f"no certified way out of {named} was found"
+        if ways:
+            reason = f"no path was found from where the certified ways out of {named} end"
         nothing = replace(proven, path=None, first_cost=None, min_clearance=None, history=(), goal=None)
-        return replace(nothing, status=status), 0
+        return replace(nothing, status=status, reason=reason), 0
     assert last is not None  # noqa: S101 # a path was found
     answer = without.verification.result(incumbent, "solved", path, model.shared.roadmap, last.time["build"] or 0.0)
     assert answer.path is not None  # noqa: S101 # as above

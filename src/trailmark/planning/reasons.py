@@ -71,7 +71,7 @@ def explained(
         else:
             ended = f"nothing is left to try after {now - begin:.3g} s of {limit:g} s"
     seconds = min(SHARE * limit, max(begin + limit - now, BEYOND * limit, LEAST), MOST_SECONDS)
-    reasons = [ended] if ended else []
+    reasons = [text for text in (ended, result.reason) if text]
     if not stopped:
         reasons += _reasons(model, start, goal, result.status == "infeasible", now + seconds, stop)
     time = {**result.time, "total": (result.time["total"] or 0.0) + perf_counter() - now}
