@@ -172,7 +172,11 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
     log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
     scan = {"type": "scan", "t": 0, "ranges": ranges, "angle_min": -1, "angle_increment": 0.5, "range_max": 8}
     log.write_text("\n".join(map(json.dumps, [{"trailmark_log": 1}, scan | {"pose": [1, 1, 0]}])))
-    found = record(shell, log, "--output", file, "--plot", tmp_path / "map.png", "--confidence", "0.9")
+    words = [log, "--output", file, "--plot", tmp_path / "map.png", "--confidence", "0.9", "--json"]
+    run = shell("map", *words)
+    assert run.status == 0
+    assert ("met nothing" in run.err) == (len(ranges) == 2)
+    found = json.loads(run.out)
     assert found["obstacles"] == {"all": 1, "discs": 0, "walls": 0, "heaps": 0, "unknown": 1}
     assert World.load(file).queries == ()
 

@@ -32,16 +32,6 @@ def test_the_summary_is_printed_and_the_page_written(shell: Shell, results: Path
     assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "results.db"]
 
 
-def test_without_a_file_the_summary_is_printed(shell: Shell, results: Path, tmp_path: Path) -> None:
-    run = shell("report", results)
-    assert (run.status, run.err) == (0, "")
-    lines = run.out.splitlines()
-    assert lines[0] == f"{results}: 1 problems, 2 planners, 6 runs"
-    assert [line.split()[0] for line in lines[1:4]] == ["planner", "landmark", "PRM"]
-    old = random_results(tmp_path / "old.db", ["landmark", "PRM"], problems=1, runs=3, seed=1)
-    assert "Faster beyond chance: " in shell("report", results, "--against", old).out
-
-
 def test_bad_usage_is_one_line(shell: Shell, results: Path, tmp_path: Path) -> None:
     cases: list[tuple[list[object], str]] = [
         ([results, "--html", tmp_path / "report.pdf"], "suffix: expected .htm, .html, got '.pdf'"),

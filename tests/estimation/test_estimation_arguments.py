@@ -244,7 +244,16 @@ def test_nothing_raw_comes_out(name: str, tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_all_public_callables_are_tried() -> None:
-    values = {"EstimationError", "RecordError", "Innovation", "Prediction", "MapFeature", "MappedLog", "ScanMap"}
+    values = {
+        "EstimationError",
+        "NotCertifiedError",
+        "RecordError",
+        "Innovation",
+        "Prediction",
+        "MapFeature",
+        "MappedLog",
+        "ScanMap",
+    }
     values |= {"MotionModel", "SensorModel", "Pose", "Scan", "Log", "RefinedPoint", "Simulation", "SlamResult"}
     assert set(estimation.__all__) - set(NAMES) == values - {"MapFeature"}
 

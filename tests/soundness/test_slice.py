@@ -20,6 +20,8 @@ CHUNKS: dict[str, tuple[int, ...]] = {
     "angles": (0,),
     "scales": (7,),
     "clearances": (0, 1, 2),
+    "zones": (0,),
+    "touches": (0,),
 }
 """Chunks of each part, so that each kind of case comes once: paths of cars among scales, scenes among bounds.
 

@@ -319,7 +319,8 @@ def test_figures_are_plain_data() -> None:
     records = figures["records"]
     assert records["all"] == len(recorded().records) == sum(n for name, n in records.items() if name != "all")
     assert figures["features"] == {"confirmed": 8, "tentative": 0, "dropped": 0}
-    assert figures["obstacles"] == {"all": 8, "discs": 8, "walls": 0, "heaps": 0, "unknown": 0}
+    kinds = {"all": 8, "discs": 8, "walls": 0, "heaps": 0, "unknown": 0}
+    assert figures["obstacles"] == {**kinds, "frame": "map"}
     assert figures["risk"]["collision_at_most"] == pytest.approx(0.01)
     nis = figures["nis"]
     assert nis["low"] < nis["expected"] < nis["high"]

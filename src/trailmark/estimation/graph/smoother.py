@@ -153,8 +153,13 @@ class Smoother:
         import gtsam
 
         values, poses = self._values(solution.poses, solution.features), solution.poses
-        marginals = gtsam.Marginals(self._held(poses[0]), values)
-        pairs = [marginals.jointMarginalCovariance([i, i + 1]).fullMatrix() for i in range(len(poses) - 1)]
+        try:
+            marginals = gtsam.Marginals(self._held(poses[0]), values)
+            pairs = [marginals.jointMarginalCovariance([i, i + 1]).fullMatrix() for i in range(len(poses) - 1)]
+        except RuntimeError:
+            # gtsam refuses systems in which some directions are known thousands of times better than others.
+            system = self.linearised(solution)
+            pairs = [system.covariance(np.arange(3 * i, 3 * i + 6)) for i in range(len(poses) - 1)]
         # A single pose is its own next, and held.
         local, poses = (np.array(pairs), poses) if pairs else (np.zeros((1, 6, 6)), np.repeat(poses, 2, axis=0))
         to = np.zeros((len(local), 6, 6))
