@@ -89,11 +89,11 @@ def depth(robot: Robot, zone: tuple[shapely.Polygon, ...], q: FloatArray) -> flo
     origin = shapely.Point(0.0, 0.0)
     if isinstance(robot.footprint, Disc):
         radius = robot.footprint.radius
-        if not blocked.contains(origin):
-            return max(0.0, radius - float(blocked.distance(origin)))
         if len(zone) == 1:
-            return radius + float(blocked.boundary.distance(origin))
-        return float(blocked.buffer(radius, quad_segs=512).boundary.distance(origin))
+            away = float(blocked.boundary.distance(origin))
+            return radius + away if blocked.contains(origin) else max(0.0, radius - away)
+        # In a bay the nearest way out of one part may lead into another.
+        blocked = blocked.buffer(radius, quad_segs=512)
     return float(blocked.boundary.distance(origin)) if blocked.contains(origin) else 0.0
 
 
