@@ -147,7 +147,8 @@ def test_a_planner_is_pickled_between_queries() -> None:
 
 
 def test_a_checker_with_fcl_objects_can_be_pickled() -> None:
-    checker = StateChecker(WORLD, ROBOTS["L"], exact="fcl")
+    checker = StateChecker(WORLD, ROBOTS["L"])
+    checker.scene.collides(np.array([5.0, 5.0, 0.0]))
     q = np.random.default_rng(0).uniform((0, 0, -3), (40, 40, 3), (200, 3))
     valid, clearance = checker.valid(q), checker.clearance(q)
     other = pickled(checker)

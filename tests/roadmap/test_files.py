@@ -177,9 +177,9 @@ def test_the_fingerprint_tells_worlds_and_robots_apart() -> None:
     prints = {name: fingerprint(StateChecker(world, robot)) for name, (world, robot) in variants().items()}
     assert len(set(prints.values())) == len(prints)
     world, robot = variants()["itself"]
-    # What decides no collision does not count: name, queries, the grid's cells, what checks.
+    # What decides no collision does not count: name, queries, the grid's cells.
     other = World("another", world.bounds, world.obstacles, robot)
-    assert fingerprint(StateChecker(other, exact="fcl", cell=0.5)) == prints["itself"]
+    assert fingerprint(StateChecker(other, cell=0.5)) == prints["itself"]
     as_polygon = Robot.polygon(robot.outline.vertices)
     assert fingerprint(StateChecker(world, as_polygon)) == prints["itself"]
 

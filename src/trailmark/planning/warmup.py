@@ -128,7 +128,6 @@ def _plan(kind: Kind, objective: str) -> None:
     planner.checker.clearance(start)
     # FCL is asked where something touches.
     planner.checker.scene.collides(start)
-    planner.checker.scene.clearance(start)
 
 
 def _follow_changes(kind: Kind, objective: str) -> None:
