@@ -44,7 +44,11 @@ Row = dict[str, Any]
 FULL, CONTROL, SAMPLES = "full planner", "the same once more", "samples for K-means"
 """Variants: what all are compared with, what tells how much of a difference is chance, and plain samples."""
 
-OF_CARS, OF_DISCS, OF_LATTICES = {"hybrid-astar"}, {"disc-path"}, {"bridges", "lattice", "background-proof"}
+OF_CARS, OF_DISCS, OF_LATTICES = (
+    {"hybrid-astar", "redriving"},
+    {"disc-path"},
+    {"bridges", "lattice", "background-proof"},
+)
 KEPT = {"shortening", "improvement"}
 """What is not switched off: it makes first paths better, not sooner."""
 

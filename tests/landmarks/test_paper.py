@@ -12,6 +12,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 from tests.support.trials import few, trials
 
@@ -290,3 +291,16 @@ def test_environment_1_has_the_published_share_of_forbidden_points() -> None:
     # Deviations of a binomial: within four standard errors of its own.
     binomial = math.sqrt(1000 * 0.168 * 0.832)
     assert np.std(counts, ddof=1) == pytest.approx(binomial, rel=4.0 / math.sqrt(2 * (len(counts) - 1)))
+
+
+@pytest.mark.slow
+def test_where_there_is_much_mini_batches_do() -> None:
+    found = algorithm_2(readings(5, 1), RECTANGLE, 250_000, 120, random_state=3)
+    again = algorithm_2(readings(5, 1), RECTANGLE, 250_000, 120, random_state=3)
+    kept = found.samples[~found.forbidden]
+    assert found.mini_batches
+    assert np.array_equal(found.centres, again.centres)
+    distance, nearest = cKDTree(found.centres).query(kept)
+    assert np.array_equal(found.labels, nearest)
+    assert found.inertia == pytest.approx(distance @ distance)
+    assert found.inertia < 1.2 * algorithm_1(kept[::10], 120, random_state=0).inertia * 10.0

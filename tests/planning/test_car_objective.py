@@ -68,19 +68,6 @@ def test_the_factor_decides_whether_a_car_turns_round() -> None:
 
 
 @pytest.mark.slow
-def test_a_longer_curve_may_have_fewer_changes_of_direction() -> None:
-    world = World("open", (-30.0, -30.0, 30.0, 30.0), robot=Robot.rectangle(2.0, 1.0).steered(3.0))
-    start, goal = (0.0, 0.0, 0.0), (0.0, 2.0, 0.5)
-    dear = LandmarkPlanner(world, seed=0, objective=Objective(direction_change=50.0))
-    path = dear.plan(start, goal, 20.0, max_iterations=2).path
-    short = LandmarkPlanner(world, seed=0, objective="length").plan(start, goal, 20.0).path
-    assert isinstance(path, CurvePath)
-    assert isinstance(short, CurvePath)
-    assert path.cusps == 0 < short.cusps
-    assert path.length > short.length
-
-
-@pytest.mark.slow
 def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
     planner, before = LandmarkPlanner(WORLD, seed=0, landmarks=50), paid.path
     assert before is not None

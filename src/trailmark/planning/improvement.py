@@ -27,7 +27,7 @@ def improve(query: Query, placement: Placement, lattices: LatticeSchedule | None
     settings, incumbent = query.settings, query.incumbent
     roadmap = Roadmap(query.checker, query.motion)
     nodes = roadmap.add(query.ends)
-    redriving = Redriving(query, placement.band) if query.motion.charged else None
+    redriving = Redriving(query, placement.band) if query.motion.charged and settings.uses("redriving") else None
     on_best, without_gain = np.zeros(0, dtype=np.int64), 0
     while without_gain < settings.patience and not query.close_enough and query.begin_round("improving"):
         before = incumbent.cost

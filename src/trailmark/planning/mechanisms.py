@@ -25,6 +25,7 @@ MECHANISMS = {
     "bands": "samples drawn where short paths are likely, not from all that the robot might reach",
     "bridges": "landmarks where the parts of the roadmap come closest",
     "hybrid-astar": "a car's short drives from the parts of its roadmap",
+    "redriving": "drives from a car's path back to it with fewer changes of direction",
     "background-proof": "a proof that no path exists, sought beside the search for one",
     "shortening": "paths are shortened",
     "improvement": "rounds after the first path, until it is settled",

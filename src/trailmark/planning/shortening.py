@@ -36,7 +36,6 @@ from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
 from trailmark.planning.needless import GAIN, without_needless
 from trailmark.planning.proposals import halved, propose, split, uniform
-from trailmark.planning.words import another_word
 from trailmark.se2 import FloatArray
 
 __all__ = ["EFFORT", "shorten"]
@@ -183,7 +182,7 @@ def _shortcut(
     # A motion is the cheapest between two places on it, but for what a car is charged beyond its length.
     if i > j or (i == j and not charged(kind)) or high - low + extra - least_cost(kind, a, b) < GAIN:
         return path, costs
-    middle = _joined(kind, scratch, a, b, high - low + extra - GAIN, seed)
+    middle = _joined(kind, scratch, a, b, high - low + extra - GAIN)
     if len(middle) == 0:
         return path, costs
     keep_a, keep_b = before > 0.0, behind < costs[j]
@@ -205,22 +204,13 @@ def _shortcut(
 
 
 @njit(cache=True)
-def _joined(
-    kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, limit: float, seed: NDArray[np.uint64]
-) -> FloatArray:
-    """Return states that certified motions lead over from a to b at less than ``limit``, shape (n, 3), or none."""
+def _joined(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, limit: float) -> FloatArray:
+    """Return the ends of a certified motion from a to b that costs less than ``limit``, shape (2, 3), or none."""
     states = np.empty((2, 3))
     states[0], states[1] = a, b
-    if charged(kind) and uniform(seed) < 0.5:
-        states = another_word(kind, scratch, a, b, seed)
-    total = extra_along(kind, scratch, states, 0, len(states))
-    for k in range(len(states) - 1):
-        total += cost(kind, scratch, states[k], states[k + 1])
-    if total > limit:
+    total = extra_along(kind, scratch, states, 0, 2) + cost(kind, scratch, a, b)
+    if total > limit or not certified(kind, scratch, a, b, EFFORT):
         return states[:0]
-    for k in range(len(states) - 1):
-        if not certified(kind, scratch, states[k], states[k + 1], EFFORT):
-            return states[:0]
     return states
 
 

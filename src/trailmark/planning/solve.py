@@ -19,7 +19,6 @@ from trailmark.planning.result import Status
 from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.rounds import Rounds
 from trailmark.planning.solving_steps import (
-    RELAXING,
     answer,
     consult_roadmap,
     search_closely,
@@ -67,7 +66,6 @@ def solve(query: Query, bound: AnyBound | None, known_path: FloatArray | None = 
         begin = perf_counter()
         band = Band(query.checker, query.relaxation, *query.ends)
         taken = perf_counter() - begin
-        RELAXING.note(query.relaxation.rows * query.relaxation.columns, taken)
         placement = Placement(query, band)
         rounds = Rounds(query, proofs, placement, lattices, taken)
         if rounds.may_succeed():

@@ -10,7 +10,6 @@ from trailmark.collision.certify import BUDGET
 from trailmark.planning.disc_path import shortest_disc_path
 from trailmark.planning.lattice.schedule import AT_FIRST, AT_MOST, AT_SECOND, LatticeSchedule
 from trailmark.planning.needless import without_needless
-from trailmark.planning.pace import Pace
 from trailmark.planning.placement import Placement
 from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import Query
@@ -18,13 +17,13 @@ from trailmark.planning.result import Status
 from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.rounds import Rounds
 
-__all__ = ["RELAXING", "answer", "consult_roadmap", "search_closely", "search_lattices", "time_for_relaxed_problem"]
+__all__ = ["answer", "consult_roadmap", "search_closely", "search_lattices", "time_for_relaxed_problem"]
 
 SHORT = 200
 """Cells of a relaxed path up to which it counts as short: a close look at each costs less than larger lattices."""
 
-RELAXING = Pace(1.5e-6)
-"""For each cell of the relaxed problem."""
+RELAXING = 2e-6
+"""Seconds for each cell of the relaxed problem, rather too many."""
 
 PROOF_WAIT = 3.0
 """Times the time that a query has taken so far, for which a proof of infeasibility comes first once that is likely."""
@@ -51,7 +50,7 @@ def time_for_relaxed_problem(
     query: Query, lattices: LatticeSchedule | None, lookup: RoadmapLookup, proofs: Prover
 ) -> bool:
     """Return whether there is time to look at the relaxed problem; spend it on other lattices if not."""
-    needed = RELAXING.seconds(query.relaxation.rows * query.relaxation.columns)
+    needed = RELAXING * query.relaxation.rows * query.relaxation.columns
     if query.seconds_left() > needed:
         return True
     if lattices is not None:

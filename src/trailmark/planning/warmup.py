@@ -17,7 +17,6 @@ from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
 from trailmark.path import Path
-from trailmark.planning.pace import Pace
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 from trailmark.zones import KeepOutZone, OneWayZone
@@ -69,7 +68,6 @@ def warm_up(kind: Kind = "straight", use: Use = "plan", *, weighted: bool = Fals
     with compiling_for(NAMES[use]), compiled_side_by_side(jobs):
         for job in jobs:
             job()
-    Pace.forget_all()
 
 
 def warm_up_for(robot: Robot, world: World, objective: Objective, use: Use = "plan") -> None:

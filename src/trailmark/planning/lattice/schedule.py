@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from trailmark.planning.lattice.corridor import corridor
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
 from trailmark.planning.needless import without_needless
-from trailmark.planning.pace import Pace
 from trailmark.planning.shortening import EFFORT
 from trailmark.se2 import FloatArray
 
@@ -25,8 +23,8 @@ WEIGHT = 2.0
 PATIENCE = 24
 """Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
 
-GUIDING = Pace(2.5e-7)
-"""For each cell of the costs to go."""
+GUIDING = 2.5e-7
+"""Seconds for each cell of the costs to go, rather too many."""
 
 
 class Level(NamedTuple):
@@ -206,7 +204,7 @@ class LatticeSchedule:
 
     def _cheapest(self, motion: WeightedMotion) -> FloatArray:
         """Return a path in the homotopy class that is cheapest by far finer directions than a lattice's."""
-        if self.seconds_left() < 2.0 * MARCHING * GUIDING.seconds(min(LEVELS[-1].cells, self.cells)):
+        if self.seconds_left() < 2.0 * MARCHING * GUIDING * min(LEVELS[-1].cells, self.cells):
             return np.empty((0, 3))
         to_go = corridor(self.checker, motion.density, self.ends, min(LEVELS[-1].cells, self.cells), CORRIDOR)
         lattice = Lattice(self.checker, self.cell, VIEWS[0].headings if motion.turns else 1, motion)
@@ -263,7 +261,7 @@ class LatticeSchedule:
     def _has_time(self, cells: int, forward: bool, tightness: float) -> bool:
         """Return whether there is time for the costs to go, and some of it left for a search."""
         known = (cells, forward, tightness) in self.guides
-        return self.seconds_left() > (0.0 if known else GUIDING.seconds(min(cells, self.cells)))
+        return self.seconds_left() > (0.0 if known else GUIDING * min(cells, self.cells))
 
     def _shortened(self, path: FloatArray, forward: bool) -> FloatArray:
         """Return the path from start to goal without needless vertices; (0, 3) if there is none."""
@@ -282,9 +280,8 @@ class LatticeSchedule:
         key = (cells, forward, tightness)
         if key in self.guides:
             return self.guides[key]
-        begin, count = perf_counter(), min(cells, self.cells)
+        count = min(cells, self.cells)
         density = self.motion.density if isinstance(self.motion, WeightedMotion) else None
         to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness, self.window, density)
-        GUIDING.note(count, perf_counter() - begin)
         self.guides[key] = to_go
         return to_go

@@ -17,7 +17,6 @@ Sources: viscosity subsolutions: Crandall & Lions, "Viscosity solutions of Hamil
 from __future__ import annotations
 
 from math import exp, hypot, sqrt
-from time import perf_counter
 
 import numpy as np
 
@@ -30,7 +29,6 @@ from trailmark.heading import turn
 from trailmark.motion import WeightedMotion
 from trailmark.motion.density import FAR, Density
 from trailmark.planning.fast_marching import march, on_diagonal
-from trailmark.planning.pace import Pace
 from trailmark.se2 import FloatArray
 
 __all__ = ["Eikonal"]
@@ -38,8 +36,8 @@ __all__ = ["Eikonal"]
 SQUARES = 1 << 15
 """About how many the bounds are divided into."""
 
-MARCHING = Pace(2e-6)
-"""For each square."""
+MARCHING = 3e-6
+"""Seconds for each square, rather too many."""
 
 LEVELS = 1 << 12
 """Values of u that ratios are told apart for."""
@@ -68,11 +66,10 @@ class Eikonal:
 
     def seconds(self) -> float:
         """Return how long :meth:`of` is expected to take."""
-        return MARCHING.seconds(self.rows * self.columns)
+        return MARCHING * self.rows * self.columns
 
     def of(self, start: FloatArray, goal: FloatArray) -> float:
         """Return a proven lower bound on the cost of every path between configurations, each of shape (3,)."""
-        begin = perf_counter()
         motion, shape = self.motion, (self.rows, self.columns)
         place = self.x0, self.y0, self.size
         if self._least is None:
@@ -80,7 +77,6 @@ class Eikonal:
                 motion.density, motion.checker.grid, motion.checker.field, *place, *shape, self.radius
             )
         found = float(_bound(self._least, *place, start[0], start[1], goal[0], goal[1]))
-        MARCHING.note(self.rows * self.columns, perf_counter() - begin)
         car = motion.checker.robot.turning_radius is not None
         return found + (0.0 if car else motion.density.rotation * abs(turn(start[2], goal[2])))
 
