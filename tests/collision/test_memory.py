@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.collision.memory import Blocks
+from trailmark.collision.edits import Blocks
 
 KINDS: list[NDArray[Any]] = [np.zeros((3, 5), np.int32), np.zeros(7, np.float32), np.zeros((0, 4))]
 

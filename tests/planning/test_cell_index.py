@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.formats.cell_obstacles import cells_of
 from trailmark.path import Path
-from trailmark.planning.cell_index import CellIndex
+from trailmark.planning.edge_index import CellIndex
 from trailmark.planning.final_check import FinalCheck
 from trailmark.world import Robot, World
 

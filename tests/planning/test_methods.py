@@ -15,9 +15,8 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path
 from trailmark.planning import PlannerSettings, PlanResult
-from trailmark.planning.mechanisms import MECHANISMS
-from trailmark.planning.methods import METHODS
-from trailmark.planning.published import path_over_landmarks, published_landmarks
+from trailmark.planning.placement import path_over_landmarks, published_landmarks
+from trailmark.planning.settings import MECHANISMS, METHODS
 from trailmark.planning.single_query import GAP
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World

@@ -17,7 +17,7 @@ from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion, motion_of
-from trailmark.planning.needless import without_needless
+from trailmark.planning.shortening import without_needless
 from trailmark.planning.warmup import warm_up
 from trailmark.world import World
 

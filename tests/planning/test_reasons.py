@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trailmark import Goal, LandmarkPlanner, Path, Rectangle, Robot, World
-from trailmark.planning.reach import SAME_WIDTH, narrowest_width
+from trailmark.planning.reasons import SAME_WIDTH, narrowest_width
 from trailmark.planning.result import PlanResult
 from trailmark.zones import KeepOutZone
 

@@ -17,7 +17,7 @@ from tests.support.trials import few
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.motion import motion_of
-from trailmark.planning.needless import without_needless
+from trailmark.planning.shortening import without_needless
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 

@@ -11,8 +11,8 @@ from trailmark import StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.motion import motion_of
 from trailmark.roadmap import Roadmap
-from trailmark.roadmap.reach import MANY, few_boxes
 from trailmark.roadmap.revalidation import revalidated
+from trailmark.roadmap.search import MANY, few_boxes
 from trailmark.roadmap.store import EdgeStatus
 from trailmark.shapes import Shape
 from trailmark.world import Robot, World

@@ -27,7 +27,7 @@ from trailmark import (
 from trailmark.benchmark.referee import Referee
 from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
-from trailmark.trajectories.one_way import one_way_respected
+from trailmark.trajectories.certificate import one_way_respected
 from trailmark.trajectories.pieces import pieces_of
 from trailmark.zones import OneWayZone
 

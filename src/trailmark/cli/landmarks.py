@@ -224,7 +224,7 @@ def _paths(
 ) -> list[tuple[Query, Roadmap, RobotPath | None]]:
     """Return queries with their paths over the landmarks, shape (k, 3), as far as the robot fits the queries' ends."""
     from trailmark.errors import ConfigurationError, WorldError
-    from trailmark.planning.published import path_over_landmarks
+    from trailmark.planning.placement import path_over_landmarks
 
     found: list[tuple[Query, Roadmap, RobotPath | None]] = []
     for query in queries:

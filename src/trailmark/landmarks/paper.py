@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark.arguments import number
 from trailmark.errors import ConfigurationError, expected_name
 from trailmark.landmarks.enclosed import Rectangle, enclosed_points
+from trailmark.landmarks.kmeans import one_thread
 from trailmark.landmarks.sampling import RandomState, generator
-from trailmark.landmarks.threads import one_thread
 
 __all__ = [
     "INITIALISATIONS",

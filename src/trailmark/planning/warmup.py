@@ -228,8 +228,7 @@ def _shorten(kind: Kind, objective: str) -> None:
     """Shorten a path."""
     from trailmark.collision import StateChecker
     from trailmark.motion import motion_of
-    from trailmark.planning.needless import without_needless
-    from trailmark.planning.shortening import EFFORT, shorten
+    from trailmark.planning.shortening import EFFORT, shorten, without_needless
 
     world, (start, goal) = SMALL
     motion = motion_of(StateChecker(world, ROBOTS[kind]), objective=Objective.of(objective))

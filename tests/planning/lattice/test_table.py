@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.trials import few
 
-from trailmark.planning.lattice.table import (
+from trailmark.planning.lattice.nodes import (
     CHECKED,
     DONE,
     MIN_BITS,

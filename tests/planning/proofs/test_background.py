@@ -12,8 +12,7 @@ import pytest
 
 from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanProgress
-from trailmark.planning.proofs.background import BackgroundProof
-from trailmark.planning.proofs.prover import Prover
+from trailmark.planning.proofs.prover import BackgroundProof, Prover
 from trailmark.planning.query import Clock
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
