@@ -124,12 +124,6 @@ def test_obstacles_in_another_order_change_nothing() -> None:
     assert np.array_equal(edited.clearance(q), anew.clearance(q))
 
 
-def test_the_same_world_needs_no_new_checker() -> None:
-    world = random_world(3, 5, size=20.0)
-    checker = StateChecker(world, ROBOTS["rectangle"])
-    assert checker.edited(world) is checker
-
-
 def test_what_cannot_be_edited_is_built_anew() -> None:
     world = random_world(3, 200, size=20.0)
     checker = StateChecker(world, Robot.rectangle(1.0, 0.5), cell=0.4)
