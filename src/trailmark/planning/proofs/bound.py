@@ -24,7 +24,7 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
-__all__ = ["CUTTING", "Bound", "LowerBound", "region_work"]
+__all__ = ["CUTTING", "SLOWER", "Bound", "LowerBound", "region_work"]
 
 ROUNDING = 1e-9
 """Relative error that lengths may have; taken off."""
@@ -38,14 +38,17 @@ LARGE = 20_000
 MANY = 150_000
 """Vertices of a region for each of which it takes twice as long as in a small one."""
 
-GROWING = 7e-6
-"""Seconds for each corner of the obstacles, rather too many: making the region, in parts that nothing joins.
+GROWING = 4.5e-6
+"""Seconds for each corner of the obstacles: making the region, in parts that nothing joins.
 
 This and the like are constants: an answer must not depend on how long earlier queries happened to take.
 """
 
-CUTTING = 1.4e-5
+CUTTING = 1e-5
 """Seconds for each vertex of a part: cutting it into triangles, and proving that no path leaves them."""
+
+SLOWER = 2.0
+"""Times as long as expected that must be left for what cannot be ended halfway: a machine may be slow, or busy."""
 
 ROUNDED = 1.5
 """Vertices of a region for each corner of the obstacles, around which it is rounded."""
@@ -360,7 +363,7 @@ class LowerBound:
             ends: of a query: ways longer than ``longest`` may leave it.
             longest: metres.
         """
-        if perf_counter() + CUTTING * region_work(int(shapely.get_num_coordinates(part))) > by:
+        if perf_counter() + SLOWER * CUTTING * region_work(int(shapely.get_num_coordinates(part))) > by:
             raise TimeoutError
         mesh, shut_in = triangulated(part), False
         if mesh is not None:
