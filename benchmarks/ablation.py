@@ -3,7 +3,7 @@
     python -m benchmarks.ablation [--seeds 3] [--time-limit 1] [--problems TEXT] [--minutes 35] [--nodes]
 
 Each mechanism is switched off in turn, K-means gives way to as many plain samples, and the planners that are made of
-parts (trailmark.planning.methods) take the place of all: success within the limit, time to the first path and cost at
+parts (trailmark.planning.settings) take the place of all: success within the limit, time to the first path and cost at
 the limit, against the full planner. All of them answer a problem one after the other in a random order in one process,
 so that whatever else the machine does meets all alike; the full planner does so twice, which tells what is chance. Runs
 are kept in a record (JSON Lines), so that the same command goes on where it was stopped. ``--nodes`` compares K-means
@@ -32,8 +32,7 @@ from trailmark.collision import StateChecker
 from trailmark.landmarks import free_samples, k_means_landmarks
 from trailmark.motion import kind_of
 from trailmark.planning import LandmarkPlanner, PlannerSettings
-from trailmark.planning.mechanisms import MECHANISMS
-from trailmark.planning.methods import METHODS
+from trailmark.planning.settings import MECHANISMS, METHODS
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap
 
@@ -44,7 +43,7 @@ Row = dict[str, Any]
 FULL, CONTROL, SAMPLES = "full planner", "the same once more", "samples for K-means"
 """Variants: what all are compared with, what tells how much of a difference is chance, and plain samples."""
 
-OF_CARS, OF_DISCS, OF_LATTICES = {"hybrid-astar"}, {"disc-path"}, {"bridges", "lattice", "background-proof"}
+OF_CARS, OF_DISCS = {"hybrid-astar", "redriving"}, {"disc-path"}
 KEPT = {"shortening", "improvement"}
 """What is not switched off: it makes first paths better, not sooner."""
 
@@ -59,7 +58,7 @@ NODES, QUERIES = (100, 300, 1000), 200
 def variants(case: Case) -> dict[str, PlannerSettings]:
     """Return the settings to compare on a problem, by name: what makes no difference to its robot is left out."""
     kind, straight = kind_of(case.problem.robot), case.problem.robot.turning_radius is None
-    unused = KEPT | (OF_CARS if straight else {"bridges", *(n for n in MECHANISMS if "level" in n or "lattice" in n)})
+    unused = KEPT | (OF_CARS if straight else {"bridges", "lattice"})
     unused |= {"background-proof"} if kind == "translation" else OF_DISCS
     found = {FULL: PlannerSettings(), CONTROL: PlannerSettings()}
     found |= {f"without {name}": PlannerSettings(without=(name,)) for name in MECHANISMS if name not in unused}

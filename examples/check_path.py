@@ -12,7 +12,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 from trailmark import LandmarkPlanner, PathAuditor, StateChecker, World
-from trailmark.audit.repair import repaired
+from trailmark.audit.auditor import repaired
 from trailmark.formats.any_path import read_any_path
 from trailmark.plotting import draw_audit, draw_world
 

@@ -11,7 +11,7 @@ import numpy as np
 from trailmark import StateChecker, World
 from trailmark.landmarks import spread_of_runs
 from trailmark.landmarks.executions import execute_paper
-from trailmark.planning.published import path_over_landmarks
+from trailmark.planning.placement import path_over_landmarks
 from trailmark.plotting import draw_plan, draw_world
 from trailmark.plotting.landmarks import draw_execution, draw_initial_execution
 

@@ -10,7 +10,7 @@ import shapely
 from tests.support.trials import trials
 
 from trailmark import se2
-from trailmark.audit.depth import Penetration, bounds_depth, deepest
+from trailmark.audit.depth import Penetration, bounds_depth
 from trailmark.errors import ShapeError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.triangles import convex_pieces
@@ -106,13 +106,3 @@ def test_the_way_back_inside_the_bounds() -> None:
     states = np.array([[5, 5, 1], [0.3, 5, 0], [9.9, 9.8, 0], [0.5, 0.5, math.pi / 2]])
     assert bounds_depth(Robot.rectangle(1, 1), bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
     assert bounds_depth(Robot.disc(0.5), bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
-
-
-def test_the_largest_depth_of_an_interval() -> None:
-    disc = Penetration(Robot.disc(0.5), Disc((0, 0), 1.0))
-
-    def poses(places: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.asarray(places) - 3.0, np.full(len(places), 1.1), np.zeros(len(places))])
-
-    assert deepest(disc.at, poses, 0.0, 5.0) == pytest.approx(0.4, rel=1e-3)
-    assert deepest(disc.at, poses, 3.0, 3.0) == pytest.approx(0.4)

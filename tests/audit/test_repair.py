@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trailmark.audit import PathAuditor
-from trailmark.audit.repair import repaired
+from trailmark.audit.auditor import repaired
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path

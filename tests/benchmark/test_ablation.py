@@ -14,8 +14,7 @@ from benchmarks.ablation import CONTROL, FULL, claims, compare
 from benchmarks.problems import Case, ablation_cases
 
 from trailmark.benchmark.problems import Problem
-from trailmark.planning.mechanisms import MECHANISMS
-from trailmark.planning.methods import METHODS
+from trailmark.planning.settings import MECHANISMS, METHODS
 
 
 def row(variant: str, problem: int, first: float | None, cost: float | None, stage: str = "first") -> dict[str, Any]:

@@ -12,7 +12,7 @@ from trailmark.benchmark import planners
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.planners import known_planners, read_planners, settings_of
 from trailmark.ompl_bridge import planner_names
-from trailmark.planning.methods import METHODS
+from trailmark.planning.settings import METHODS
 
 
 @pytest.fixture

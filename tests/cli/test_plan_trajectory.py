@@ -122,7 +122,6 @@ def test_without_a_path_nothing_is_written(shell: Shell, yard: Path, planner: An
         (["--output", "a.csv", "--step", "0"], "expected a finite number of metres above 0, got --step '0'"),
         (["--output", "a.csv", "--step", "1e-12"], "(1,000,000 states at most), got 1e-12"),
         (["--trajectory", "a.csv", "--output", "a.csv"], "two outputs name the file 'a.csv'"),
-        (["--smooth", "--confidence", "0.9"], "expected --smooth or --confidence, got both"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(

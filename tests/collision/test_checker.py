@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +20,6 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import Robot, World
 
-EXACT: list[Literal["kernel", "fcl"]] = ["kernel", "fcl"]
 WORLDS = {
     "polygons": random_world(1, 200),
     "holes, discs, boundary": random_world(2, 120, discs=0.3, holes=0.5, boundary=True),
@@ -58,12 +57,6 @@ def test_validity_and_clearance_agree_with_shapely(world: str, name: str) -> Non
     clearance, expected = checker.clearance(some), oracle.clearance(some)
     assert clearance == pytest.approx(expected, abs=1e-9)
     assert checker.clearance(some, cap=0.3) == pytest.approx(np.minimum(expected, 0.3), abs=1e-9)
-    # FCL on fewer, the same verdicts outside of the band.
-    reference = StateChecker(WORLDS[world], ROBOTS[name], exact="fcl")
-    fewer = some[::8]
-    assert not oracle.disagrees(fewer, reference.valid(fewer)).any()
-    assert (reference.valid(fewer) == checker.valid(fewer)).all()
-    assert reference.clearance(fewer[:10]) == pytest.approx(oracle.clearance(fewer[:10]), abs=1e-9)
 
 
 @pytest.mark.slow
@@ -95,16 +88,15 @@ def test_random_robots_in_random_worlds(
     assert checker.clearance(q) == pytest.approx(oracle.clearance(q), abs=1e-9 if max(map(abs, origin)) < 1e6 else 2e-8)
 
 
-@pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize("name", ROBOTS)
-def test_containment_either_way_is_a_collision(name: str, exact: Literal["kernel", "fcl"]) -> None:
+def test_containment_either_way_is_a_collision(name: str) -> None:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     big, speck = Polygon(square * 30.0 + 10.0), Polygon(square * 1e-3 + 70.0)
     ring = Polygon(square * 60.0 + (20.0, 100.0), (square * 40.0 + (30.0, 110.0),))
     sieve = Polygon(square * 30.0 + (100.0, 10.0), (square * 0.02 + (115.0, 25.0),))
     round_big, round_speck = Disc((80.0, 25.0), 14.0), Disc((75.0, 75.0), 1e-3)
     world = World("w", (0, 0, 160, 180), (big, speck, ring, sieve, round_big, round_speck))
-    checker = StateChecker(world, ROBOTS[name], exact=exact)
+    checker = StateChecker(world, ROBOTS[name])
     body = np.array(ROBOTS[name].inscribed_disc.center)
     for theta in (0.0, 1.0, math.pi / 2, -3.0):
         turn = np.array([[math.cos(theta), -math.sin(theta)], [math.sin(theta), math.cos(theta)]])
@@ -121,11 +113,10 @@ def test_containment_either_way_is_a_collision(name: str, exact: Literal["kernel
             assert (checker.clearance(q) > 0.0) is valid
 
 
-@pytest.mark.parametrize("exact", EXACT)
-def test_a_robot_larger_than_the_world_fits_nowhere(exact: Literal["kernel", "fcl"]) -> None:
+def test_a_robot_larger_than_the_world_fits_nowhere() -> None:
     world = random_world(1, 10, size=20.0)
     for robot in (Robot.disc(50.0), Robot.rectangle(100.0, 0.1), Robot.rectangle(300.0, 200.0)):
-        checker = StateChecker(world, robot, exact=exact)
+        checker = StateChecker(world, robot)
         q = random_states(world, 50, np.random.default_rng(0), 30.0)
         assert not checker.valid(q).any()
         assert not checker.clearance(q).any()
@@ -139,10 +130,9 @@ def test_a_tiny_robot_in_a_big_world() -> None:
         assert not oracle.disagrees(q, checker.valid(q)).any()
 
 
-@pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize("name", ROBOTS)
-def test_configurations_far_outside_are_invalid(name: str, exact: Literal["kernel", "fcl"]) -> None:
-    checker = StateChecker(WORLDS["crowded"], ROBOTS[name], exact=exact)
+def test_configurations_far_outside_are_invalid(name: str) -> None:
+    checker = StateChecker(WORLDS["crowded"], ROBOTS[name])
     for far in (50.0, 1e9, 1e18, 1e19, 1e30, 1e300, 1.7e308):
         rows = [(far, 0, 0), (-far, 0, 1), (5, far, 2), (5, -far, 3), (far, far, -1), (-far, far, 1e300)]
         assert not checker.valid(rows).any()
@@ -152,9 +142,8 @@ def test_configurations_far_outside_are_invalid(name: str, exact: Literal["kerne
         assert not checker.motions_valid(rows, home).any()
 
 
-@pytest.mark.parametrize("exact", EXACT)
-def test_one_and_many_and_none(exact: Literal["kernel", "fcl"]) -> None:
-    checker = StateChecker(WORLDS["crowded"], ROBOTS["L"], exact=exact)
+def test_one_and_many_and_none() -> None:
+    checker = StateChecker(WORLDS["crowded"], ROBOTS["L"])
     q = random_states(checker.world, 30, np.random.default_rng(0))
     many = checker.valid(q)
     assert many.dtype == np.bool_
@@ -207,13 +196,11 @@ def test_misuse_is_one_line(call: Any, part: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_checker_needs_a_robot_and_known_options() -> None:
+def test_a_checker_needs_a_robot_and_a_cell() -> None:
     world = WORLDS["no obstacles"]
     with pytest.raises(WorldError, match="names no robot"):
         StateChecker(world)
     assert StateChecker(world.with_robot(Robot.disc(0.5))).robot == Robot.disc(0.5)
-    with pytest.raises(WorldError, match="exact: expected 'kernel' or 'fcl', got 'gjk'"):
-        StateChecker(world, Robot.disc(1), exact="gjk")  # type: ignore[arg-type]  # that is what is tested
     for cell in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(WorldError, match="cell: "):
             StateChecker(world, Robot.disc(1), cell=cell)

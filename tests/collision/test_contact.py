@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
 
-EXACT: list[Literal["kernel", "fcl"]] = ["kernel", "fcl"]
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 DIAMOND = Robot.polygon([(1, 0), (0, 1), (-1, 0), (0, -1)])
 L_SHAPE = Robot.polygon([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)])
@@ -69,21 +67,16 @@ CONTACTS: list[tuple[str, Robot, Shape | None, tuple[float, float, float], tuple
 ]
 
 
-@pytest.mark.parametrize(
-    ("offset", "exact"),
-    [((0.0, 0.0), "kernel"), ((-7.25, 3.1), "kernel"), ((1e5, -1e5), "kernel"), ((1e5, -1e5), "fcl")],
-    ids=["origin", "near", "far", "far, fcl"],
-)
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (-7.25, 3.1), (1e5, -1e5)], ids=["origin", "near", "far"])
 @pytest.mark.parametrize("contact", CONTACTS, ids=[contact[0] for contact in CONTACTS])
 def test_touching_is_valid(
     contact: tuple[str, Robot, Shape | None, tuple[float, float, float], tuple[float, float]],
     offset: tuple[float, float],
-    exact: Literal["kernel", "fcl"],
 ) -> None:
     _, robot, obstacle, at, out = contact
     bounds = (offset[0], offset[1], offset[0] + 10, offset[1] + 10)
     world = World("w", bounds, (shifted(obstacle, offset),) if obstacle else ())
-    checker = StateChecker(world, robot, exact=exact)
+    checker = StateChecker(world, robot)
     q = np.array([at[0] + offset[0], at[1] + offset[1], at[2]])
     outwards = np.array([*out, 0.0])
     assert checker.valid(q)
@@ -97,24 +90,22 @@ def test_touching_is_valid(
         assert not checker.valid(q + 1e-5 * np.array([sx, sy, 0.0]))
 
 
-@pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize(("outward", "valid"), [(1e-5, True), (2e-8, True), (0.0, True), (-2e-8, True), (-1e-5, False)])
-def test_the_tolerance_of_touching(outward: float, valid: bool, exact: Literal["kernel", "fcl"]) -> None:
+def test_the_tolerance_of_touching(outward: float, valid: bool) -> None:
     world = World("w", (0, 0, 10, 10), (BLOCK, Disc((8, 5), 0.5)))
     for robot, x in ((Robot.rectangle(2, 1), 3.0), (Robot.disc(1), 3.0), (L_SHAPE, 2.0)):
-        checker = StateChecker(world, robot, exact=exact)
+        checker = StateChecker(world, robot)
         assert checker.valid((x - outward, 5.0, 0.0)) is valid
         assert checker.valid((5.0, 6.0 + outward - (x - 4.0 if x == 3.0 else 0.0), math.pi / 2 * (x == 3.0))) is valid
 
 
-@pytest.mark.parametrize("exact", EXACT)
-def test_a_spike_beyond_the_end_of_a_narrow_notch(exact: Literal["kernel", "fcl"]) -> None:
+def test_a_spike_beyond_the_end_of_a_narrow_notch() -> None:
     robot = Robot.polygon([(-1, -1), (1, -1), (1, 1), (0.02, 1), (0, -0.5), (-0.02, 1), (-1, 1)])
     # Narrower than the notch, its tip 4 um past the notch's end: the erosion of the footprint must not hide it.
     spike = np.array([[5.0, 4.5], [5.005, 7.0], [4.995, 7.0]])
     for depth, valid in ((4e-6, False), (-1e-5, True), (0.0, True)):
         world = World("w", (0, 0, 10, 10), (Polygon(spike - (0.0, depth)),))
-        assert StateChecker(world, robot, exact=exact).valid((5.0, 5.0, 0.0)) is valid
+        assert StateChecker(world, robot).valid((5.0, 5.0, 0.0)) is valid
 
 
 def lattice_world(occupied: np.ndarray, origin: FloatArray, rng: np.random.Generator) -> World:
@@ -132,21 +123,15 @@ LATTICES = pairs(CELLS, ORIGINS, of=4)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize(("cell", "origin"), LATTICES)
-def test_squares_that_share_edges_and_corners(
-    cell: float | None, origin: tuple[float, float], exact: Literal["kernel", "fcl"]
-) -> None:
+def test_squares_that_share_edges_and_corners(cell: float | None, origin: tuple[float, float]) -> None:
     n, rng = 12, np.random.default_rng(8)
     shift = np.array(origin)
     for density, (length, width) in ((0.15, (2.0, 1.0)), (0.4, (1.0, 1.0)), (0.7, (0.5, 0.5)), (0.3, (1.0, 0.5))):
         occupied = rng.random((n, n)) < density
-        checker = StateChecker(
-            lattice_world(occupied, shift, rng), Robot.rectangle(length, width), cell=cell, exact=exact
-        )
+        checker = StateChecker(lattice_world(occupied, shift, rng), Robot.rectangle(length, width), cell=cell)
         # All centres and edges lie on quarters, so the expected verdict is a matter of whole numbers.
-        many = 300 if exact == "kernel" else 150
-        at, quarter = rng.integers(0, 4 * n + 1, (many, 2)), rng.integers(-1, 3, many)
+        at, quarter = rng.integers(0, 4 * n + 1, (300, 2)), rng.integers(-1, 3, 300)
         half = np.where(quarter[:, None] % 2 == 0, (length, width), (width, length)) / 2
         for nudge in (0.0, 1e-5, -1e-5):
             low, high = at / 4 - half + nudge, at / 4 + half + nudge
@@ -192,11 +177,10 @@ def test_a_sharp_tip_reaches_no_deeper_than_any_other_part(half: float) -> None:
     width = math.tan(math.radians(half))
     robot = Robot.polygon([(0, 0), (-1, width), (-1, -width)])
     wall = Polygon(np.array([[5.0, 0.0], [6.0, 0.0], [6.0, 10.0], [5.0, 10.0]]))
-    for exact in EXACT:
-        checker = StateChecker(World("tip", (0, 0, 10, 10), (wall,)), robot, exact=exact)
-        for turned in (0.0, 0.3, -0.7):
-            assert checker.valid((5.0 - 1e-9, 5.0, turned))
-            for depth in (1.2e-7, 1e-6, 1e-5):
-                assert not checker.valid((5.0 + depth, 5.0, turned))
-                sliding = [(5.0 + depth, 5.0 + k * 5e-7, turned) for k in range(3)]
-                assert not checker.motions_valid(sliding[:-1], sliding[1:]).any()
+    checker = StateChecker(World("tip", (0, 0, 10, 10), (wall,)), robot)
+    for turned in (0.0, 0.3, -0.7):
+        assert checker.valid((5.0 - 1e-9, 5.0, turned))
+        for depth in (1.2e-7, 1e-6, 1e-5):
+            assert not checker.valid((5.0 + depth, 5.0, turned))
+            sliding = [(5.0 + depth, 5.0 + k * 5e-7, turned) for k in range(3)]
+            assert not checker.motions_valid(sliding[:-1], sliding[1:]).any()

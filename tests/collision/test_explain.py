@@ -76,21 +76,6 @@ def test_the_reason_names_the_obstacle_and_the_depth(
     assert "\n" not in message
 
 
-def test_a_valid_configuration_comes_back_wrapped() -> None:
-    checker = StateChecker(world(), Robot.disc(1))
-    q = checker.require_valid([5, 5, 4.0], "goal")
-    assert q == pytest.approx((5.0, 5.0, 4.0 - 2 * math.pi))
-    with pytest.raises(ConfigurationError, match=r"goal: expected shape \(3,\), got \(1, 3\)"):
-        checker.require_valid([[5, 5, 0]], "goal")
-    with pytest.raises(ConfigurationError, match=r"goal: \[5.0, nan, 0.0\] holds"):
-        checker.require_valid([5, math.nan, 0], "goal")
-
-
-def test_in_contact_nothing_is_called_deep() -> None:
-    assert invalid_reason(world(box(6, 0, 8, 10)), SQUARE, np.array([5.0, 5.0, 0.0])).startswith("touches")
-    assert invalid_reason(world(), SQUARE, np.array([5.0, 5.0, 0.0])).startswith("touches")
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_invalid_configuration_has_a_reason_with_a_size(name: str) -> None:
     clutter = random_world(6, 60, size=30.0, radii=(0.2, 3.0), discs=0.3, holes=0.4, boundary=True)

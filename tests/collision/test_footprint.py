@@ -11,7 +11,6 @@ from tests.helpers.random_worlds import ROBOTS, star_polygon
 
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import (
-    MAX_TILES,
     TOUCHING_TOLERANCE,
     build_footprint,
     eroded,
@@ -66,19 +65,6 @@ def test_discs_bound_random_footprints(seed: int) -> None:
     rng = np.random.default_rng(seed)
     center = (float(rng.uniform(-2, 2)), float(rng.uniform(-2, 2)))
     assert_bounded_by_discs(Robot(star_polygon(rng, center, float(rng.uniform(0.1, 5.0)))))
-
-
-def test_a_disc_is_its_own_cover() -> None:
-    footprint = build_footprint(Robot.disc(0.3))
-    assert footprint.cover.tolist() == footprint.inner.tolist() == [[0.0, 0.0, 0.3]]
-    assert footprint.dilation == footprint.circumradius == 0.3
-    assert footprint.sweep_radius == 0.0
-    assert len(footprint.outline) == 0
-
-
-def test_the_thinnest_footprint_is_covered_by_few_discs() -> None:
-    assert len(build_footprint(Robot.rectangle(4.0, 1e-9)).cover) <= MAX_TILES
-    assert len(build_footprint(SHAPES["frame"]).cover) <= MAX_TILES**2
 
 
 @pytest.mark.parametrize("name", ["rectangle", "L", "star", "comb", "frame"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from time import process_time
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from trailmark.collision import StateChecker, kernels
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import Robot, World
 
-EXACT: list[Literal["kernel", "fcl"]] = ["kernel", "fcl"]
 BOUNDS = (0.0, 0.0, 20.0, 20.0)
 DIAMOND = Robot.polygon([(1, 0), (0, 1), (-1, 0), (0, -1)])
 WORLDS = {
@@ -38,8 +36,8 @@ def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
     return Polygon(np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]]))
 
 
-def checker_for(robot: Robot, *obstacles: Shape, exact: Literal["kernel", "fcl"] = "kernel") -> StateChecker:
-    return StateChecker(World("w", BOUNDS, obstacles), robot, exact=exact, cell=0.25)
+def checker_for(robot: Robot, *obstacles: Shape) -> StateChecker:
+    return StateChecker(World("w", BOUNDS, obstacles), robot, cell=0.25)
 
 
 # --- against dense sampling
@@ -69,13 +67,11 @@ def test_motions_in_random_worlds(world: str, name: str) -> None:
     half_step = se2.motion_bound(a, b, checker.footprint.sweep_radius)[refused] / (SAMPLES - 1)
     assert not (clearance.min(axis=1) - half_step >= 1e-3).any()
 
-    # The field contradicts nobody, and FCL gives the same answers.
+    # The field contradicts nobody.
     ok = checker.valid(a) & checker.valid(b)
     proven = checker.motions_by_field(a[ok], b[ok])
     assert not (accepted[ok] & (proven == kernels.BLOCKED)).any()
     assert not (~accepted[ok] & (proven == kernels.FREE)).any()
-    reference = StateChecker(checker.world, checker.robot, exact="fcl")
-    assert (reference.motions_valid(a[:110], b[:110]) == accepted[:110]).all()
 
 
 @pytest.mark.parametrize(("world", "name"), PAIRS)
@@ -182,14 +178,13 @@ def test_half_a_turn_goes_counter_clockwise_and_is_checked_there() -> None:
     assert se2.interpolate(right, left, 0.5)[2] > 0.0
 
 
-@pytest.mark.parametrize("exact", EXACT)
-def test_a_motion_without_length(exact: Literal["kernel", "fcl"]) -> None:
+def test_a_motion_without_length() -> None:
     wall = box(6, 0, 8, 20)
     for robot in (Robot.disc(1), Robot.rectangle(2, 1), ROBOTS["L"]):
-        checker = checker_for(robot, wall, exact=exact)
+        checker = checker_for(robot, wall)
         q = np.array([(3.0, 5.0, 0.5), (7.0, 5.0, 0.5)])
         assert checker.motions_valid(q, q).tolist() == [True, False]
-    touching = checker_for(Robot.rectangle(2, 1), wall, exact=exact)
+    touching = checker_for(Robot.rectangle(2, 1), wall)
     assert touching.motion_valid((5, 5, 0), (5, 5, 0))
 
 
@@ -197,10 +192,9 @@ def test_a_motion_without_length(exact: Literal["kernel", "fcl"]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize("robot", [Robot.rectangle(2, 2), Robot.disc(1)], ids=["square", "disc"])
-def test_a_motion_may_leave_contact_and_arrive_in_it(robot: Robot, exact: Literal["kernel", "fcl"]) -> None:
-    checker = checker_for(robot, box(6, 0, 8, 20), box(0, 0, 20, 3), Disc((3, 16), 1), exact=exact)
+def test_a_motion_may_leave_contact_and_arrive_in_it(robot: Robot) -> None:
+    checker = checker_for(robot, box(6, 0, 8, 20), box(0, 0, 20, 3), Disc((3, 16), 1))
     wall, corner, away = (5.0, 8.0, 0.0), (5.0, 4.0, 0.0), (2.0, 8.0, 0.0)
     for contact in (wall, corner):
         assert checker.clearance(contact) == 0.0
@@ -241,23 +235,21 @@ def test_leaving_contact_in_random_directions() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize("gap", [1e-3, 1e-5])
-def test_passing_close_by_a_corner_is_certified(gap: float, exact: Literal["kernel", "fcl"]) -> None:
+def test_passing_close_by_a_corner_is_certified(gap: float) -> None:
     spike = Polygon(np.array([[10, 8], [12, 4], [8, 4]], dtype=float))
     for robot, depth in ((DIAMOND, 1.0), (Robot.disc(1), 1.0), (ROBOTS["star"], 0.25)):
         for obstacle in (spike, Disc((10, 7.5), 0.5)):
-            checker = checker_for(robot, obstacle, Disc((5, 11.5), 1.0), exact=exact)
+            checker = checker_for(robot, obstacle, Disc((5, 11.5), 1.0))
             low, high = 8.0 + depth + gap, 8.0 + depth - 1e-5
             assert checker.motion_valid((3, low, 0), (17, low, 0))
             assert not checker.motion_valid((3, high, 0), (17, high, 0))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("exact", EXACT)
-def test_what_touches_near_an_end_overlaps_by_no_more_than_touching_may(exact: Literal["kernel", "fcl"]) -> None:
+def test_what_touches_near_an_end_overlaps_by_no_more_than_touching_may() -> None:
     # Past a tip, which is behind it by less than a micrometre where the motion ends.
-    checker = checker_for(DIAMOND, Polygon(np.array([[10, 8], [12, 4], [8, 4]], dtype=float)), exact=exact)
+    checker = checker_for(DIAMOND, Polygon(np.array([[10, 8], [12, 4], [8, 4]], dtype=float)))
     rng = np.random.default_rng(3)
     depth = rng.uniform(1.5e-7, 3e-7, 300)
     a = np.column_stack([rng.uniform(8.0, 9.9, 300), 9.0 - depth, np.zeros(300)])

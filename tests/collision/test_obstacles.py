@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from tests.helpers.random_worlds import random_world
 
 from trailmark.collision import StateChecker
-from trailmark.collision.obstacles import boundary_segments, build_grid, cell_size_for, obstacle_discs
-from trailmark.shapes import Disc, Polygon
+from trailmark.collision.obstacles import build_grid
+from trailmark.shapes import Polygon
 from trailmark.world import Robot, World
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -97,36 +97,3 @@ def test_every_cell_lists_all_that_touches_it(seed: int) -> None:
         for item in grid.items[grid.cell_start[row, column] : grid.cell_start[row, column + 1]]
     }
     assert {(int(item), int(cell)) for item, cell in touched.T} <= listed
-
-
-def test_segments_have_the_blocked_side_on_their_left() -> None:
-    clockwise = Polygon(SQUARE[::-1] * 4.0 + 3.0, (SQUARE + 4.0,))
-    world = World("w", (0, 0, 10, 10), (clockwise,), boundary=Polygon(SQUARE * 9.0 + 0.5))
-    segments, enclosing = boundary_segments(world)
-    assert enclosing == 2
-    assert len(segments) == 16
-    free = shapely.difference(shapely.box(0.5, 0.5, 9.5, 9.5), clockwise.shapely())
-    a, b = segments[:, :2], segments[:, 2:]
-    along = (b - a) / np.hypot(*(b - a).T)[:, None]
-    left = 0.5 * (a + b) + 0.01 * np.column_stack([-along[:, 1], along[:, 0]])
-    assert not shapely.contains_xy(free, left).any()
-    right = 0.5 * (a + b) - 0.01 * np.column_stack([-along[:, 1], along[:, 0]])
-    # The bounds' own edges have the boundary's outside on both sides.
-    assert shapely.contains_xy(free, right)[4:].all()
-
-
-def test_obstacle_discs_are_kept_exact() -> None:
-    world = World("w", (0, 0, 10, 10), (Disc((1, 2), 3), Polygon(SQUARE), Disc((4, 5), 0.5)))
-    assert obstacle_discs(world).tolist() == [[1, 2, 3], [4, 5, 0.5]]
-    assert obstacle_discs(World("w", (0, 0, 1, 1))).shape == (0, 3)
-
-
-@pytest.mark.parametrize("bounds", [(0, 0, 1, 1), (0, 0, 1e6, 1.0), (-5, -1e5, 5, 1e5), (0, 0, 1e4, 1e4)])
-@pytest.mark.parametrize("wanted", [1e-9, 0.1, 10.0])
-def test_cells_stay_few(bounds: tuple[float, float, float, float], wanted: float) -> None:
-    world = World("w", bounds)
-    size = cell_size_for(world, wanted)
-    assert size >= wanted
-    grid = build_grid(world, size)
-    assert grid.columns * grid.rows <= 1.2 * 2**18
-    assert max(grid.columns, grid.rows) <= 8200

@@ -64,29 +64,6 @@ def test_places_along_the_path() -> None:
     assert path.at([[0.0, 1.0]]).shape == (1, 2, 3)
 
 
-def test_resampling_keeps_the_rows() -> None:
-    path = made()
-    fine = path.resample(0.05)
-    assert type(fine) is Path
-    assert np.hypot(*np.diff(fine.states[:, :2], axis=0).T).max() <= 0.05 + 1e-9
-    assert fine.length <= path.length
-    with pytest.raises(ConfigurationError, match="step"):
-        path.resample(0.0)
-
-
-def test_driving_back() -> None:
-    path = made()
-    back = path.reversed()
-    assert back.length == pytest.approx(path.length, abs=1e-12)
-    assert np.abs(se2.difference(back.at(0.3), path.at(0.7))).max() < 1e-9
-    assert back.reversed() == path
-    # Its states are the same places on the curves.
-    given = CurvePath(KNOTS, path.steering, np.append(np.arange(0.0, path.length, 0.01), path.length))
-    assert np.abs(se2.difference(given.reversed().states, given.states[::-1])).max() < 1e-9
-    with pytest.raises(ConfigurationError, match="expected the path of a car that reverses"):
-        made(reverse=False).reversed()
-
-
 def test_paths_are_values() -> None:
     assert made() == made()
     assert hash(made()) == hash(made())

@@ -114,17 +114,6 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"world": GROWN, "confidence": 0.9, "weights": None, "pose_covariance": None},
         ),
         "refined": (estimation.refined, {"world": GROWN, "estimates": {0: ESTIMATE}}),
-        "spend_risk": (
-            estimation.spend_risk,
-            {
-                "world": GROWN,
-                "plan": lambda _: (np.array(PATH), 4.0),
-                "confidence": 0.9,
-                "rounds": 1,
-                "seed": 0,
-                "margin": 0.0,
-            },
-        ),
         "path_risk": (
             estimation.path_risk,
             {"world": GROWN, "states": PATH, "draws": 10, "seed": 0, "margin": 0.0},

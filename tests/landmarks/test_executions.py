@@ -102,28 +102,6 @@ def test_trailmarks_own_in_environment_2(checker: StateChecker) -> None:
     assert found.inertia == pytest.approx(float((gaps.min(axis=1) ** 2).sum()))
 
 
-def test_headings_count_for_a_robot_that_has_one() -> None:
-    world = World("room", (0.0, 0.0, 8.0, 6.0), (), Robot.rectangle(2.0, 0.6))
-    found = execute_se2(StateChecker(world), 500, 10, random_state=0)
-    assert len(np.unique(found.centres[:, 2])) == len(found.centres)
-    # As the paper has it, they do not, and without obstacles nothing is forbidden.
-    plain = execute_paper(StateChecker(world), 500, 10, random_state=0)
-    assert plain.centres.shape == (10, 2)
-    assert not plain.forbidden.any()
-    assert plain.boxes.shape == (0, 4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", [execute_paper, execute_se2])
-def test_the_seed_decides(room: StateChecker, method: object) -> None:
-    assert callable(method)
-    first = method(room, 200, 5, random_state=3)
-    again = method(room, 200, 5, random_state=np.random.default_rng(3))
-    other = method(room, 200, 5, random_state=4)
-    assert np.array_equal(first.centres, again.centres)
-    assert not np.array_equal(first.centres, other.centres)
-
-
 @pytest.mark.slow
 def test_a_start_in_an_obstacle_tells_nothing(checker: StateChecker) -> None:
     blocked = np.array([42.0, 43.0, 0.0])

@@ -12,13 +12,14 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 from tests.support.trials import few, trials
 
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import RangeBearing, sense_obstacles
 from trailmark.landmarks import algorithm_1, algorithm_2, free_samples, paper
-from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, boxes_of, initial_centres, points_in_boxes
+from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, initial_centres, points_in_boxes
 from trailmark.library import shipped_worlds
 from trailmark.world import World
 
@@ -131,27 +132,6 @@ def test_random_partition_starts_from_the_centroids_of_a_partition() -> None:
         assert sorted(i for part in parts for i in part) == list(range(6))
 
 
-def test_random_partition_starts_near_the_middle_and_forgy_does_not() -> None:
-    x = np.random.default_rng(0).uniform(0.0, 10.0, (5000, 2))
-    assert np.hypot(*(initial_centres(x, 10, "random-partition", 0) - x.mean(axis=0)).T).max() < 1.0
-    assert np.hypot(*(initial_centres(x, 10, "forgy", 0) - x.mean(axis=0)).T).max() > 2.0
-
-
-@pytest.mark.parametrize("n", [12, 13, 20])
-def test_random_partition_leaves_no_cluster_empty(n: int) -> None:
-    x = np.random.default_rng(n).uniform(0.0, 10.0, (n, 2))
-    for seed in range(30):
-        assert np.isfinite(initial_centres(x, 12, "random-partition", seed)).all()
-
-
-def test_k_means_plus_plus_starts_better_than_chance() -> None:
-    rng = np.random.default_rng(1)
-    x = np.repeat(rng.uniform(0.0, 100.0, (20, 2)), 50, axis=0) + rng.normal(0.0, 0.5, (1000, 2))
-    plus = [inertia_of(x, initial_centres(x, 20, "k-means++", seed)) for seed in range(10)]
-    chance = [inertia_of(x, initial_centres(x, 20, "forgy", seed)) for seed in range(10)]
-    assert np.mean(plus) < 0.5 * np.mean(chance)
-
-
 @pytest.mark.parametrize(
     ("samples", "k", "init", "problem"),
     [
@@ -179,15 +159,6 @@ def readings(m: int, seed: int) -> list[FloatArray]:
     rng = np.random.default_rng(seed)
     obstacles = [rng.uniform(0.0, 10.0, 2) + rng.normal(0.0, 0.4, (rng.integers(1, 20), 2)) for _ in range(m)]
     return [*obstacles, np.empty((0, 2))]
-
-
-@given(st.integers(0, 12), st.integers(0, 999))
-def test_boxes_are_smallest_and_largest_coordinates(m: int, seed: int) -> None:
-    obstacles = readings(m, seed)
-    boxes = boxes_of(obstacles)
-    assert boxes.shape == (m, 4)
-    for box, points in zip(boxes, obstacles, strict=False):
-        assert tuple(box) == (min(points[:, 0]), min(points[:, 1]), max(points[:, 0]), max(points[:, 1]))
 
 
 @pytest.mark.slow
@@ -290,3 +261,16 @@ def test_environment_1_has_the_published_share_of_forbidden_points() -> None:
     # Deviations of a binomial: within four standard errors of its own.
     binomial = math.sqrt(1000 * 0.168 * 0.832)
     assert np.std(counts, ddof=1) == pytest.approx(binomial, rel=4.0 / math.sqrt(2 * (len(counts) - 1)))
+
+
+@pytest.mark.slow
+def test_where_there_is_much_mini_batches_do() -> None:
+    found = algorithm_2(readings(5, 1), RECTANGLE, 250_000, 120, random_state=3)
+    again = algorithm_2(readings(5, 1), RECTANGLE, 250_000, 120, random_state=3)
+    kept = found.samples[~found.forbidden]
+    assert found.mini_batches
+    assert np.array_equal(found.centres, again.centres)
+    distance, nearest = cKDTree(found.centres).query(kept)
+    assert np.array_equal(found.labels, nearest)
+    assert found.inertia == pytest.approx(float(np.sum(np.square(distance))))
+    assert found.inertia < 1.2 * algorithm_1(kept[::10], 120, random_state=0).inertia * 10.0

@@ -27,7 +27,6 @@ from trailmark.world import Robot, World
 FloatArray = NDArray[np.float64]
 
 BOX = World("box", (-60, -60, 60, 60))
-RELAXATIONS = {name: Relaxation(StateChecker(BOX, robot)) for name, robot in ROBOTS.items()}
 CASES = [(name, seed) for seed, name in enumerate(ROBOTS)]
 
 
@@ -137,30 +136,6 @@ def test_a_small_disc_does_not_go_through_obstacles_larger_than_a_cell() -> None
     component = relaxation.component(np.array([10.0, 1.0, 0.0]))
     assert not component[relaxation.cells(np.array([10.0, 19.0]))]
     assert component[relaxation.cells(np.array([10.0, 6.5]))]
-
-
-@pytest.mark.slow
-def test_the_disc_is_the_robots_largest() -> None:
-    for name, robot in ROBOTS.items():
-        relaxation = Relaxation(StateChecker(cluttered(1), robot))
-        disc = shapely.Point(relaxation.center).buffer(relaxation.radius * (1.0 - 1e-9), quad_segs=64)
-        outline = shapely.Point(0, 0).buffer(0.6, quad_segs=500) if name == "disc" else robot.outline.shapely()
-        assert outline.buffer(1e-6).contains(disc)
-        # No point of a fine lattice lies deeper inside.
-        x1, y1, x2, y2 = outline.bounds
-        lattice = shapely.points(np.stack(np.meshgrid(np.linspace(x1, x2, 70), np.linspace(y1, y2, 70)), axis=-1))
-        depth = np.where(shapely.contains(outline, lattice), shapely.distance(lattice, outline.exterior), 0.0)
-        assert depth.max() <= relaxation.radius + 1e-5
-
-
-@given(x=st.floats(-50, 50), y=st.floats(-50, 50), theta=st.floats(-3.14, 3.14), name=st.sampled_from(sorted(ROBOTS)))
-def test_a_configuration_and_its_disc_determine_each_other(x: float, y: float, theta: float, name: str) -> None:
-    relaxation = RELAXATIONS[name]
-    q = np.array([[x, y, theta]])
-    centre = relaxation.disc_centers(q)
-    arm = complex(*relaxation.center) * complex(math.cos(theta), math.sin(theta))
-    assert centre[0] == pytest.approx((x + arm.real, y + arm.imag), abs=1e-9)
-    assert relaxation.references(centre, q[:, 2]) == pytest.approx(q, abs=1e-9)
 
 
 @pytest.mark.parametrize(("name", "seed"), CASES)
@@ -317,12 +292,3 @@ def test_finer_grids_separate_more_until_they_are_too_large() -> None:
     assert np.diff(np.log2(sizes)) == pytest.approx(-1.0)
     assert answers == sorted(answers, reverse=True)
     assert not answers[-1]
-
-
-def test_a_start_at_the_bounds_has_a_cell() -> None:
-    checker = StateChecker(World("box", (-1.0, -1.0, 1.0, 1.0)), Robot.disc(0.2))
-    relaxation = Relaxation(checker)
-    corners = np.array([[0.8, 0.8], [1.0, 1.0], [-1.0, -1.0], [5.0, -5.0]])
-    cells = relaxation.cells(corners)
-    assert ((cells >= 0) & (cells < relaxation.rows * relaxation.columns)).all()
-    assert relaxation.component(np.array([0.8, 0.8, 0.0]))[relaxation.cells(np.array([-0.8, -0.8]))]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
-from scipy.stats import qmc
 from tests.helpers.oracle import Oracle
 from tests.helpers.random_worlds import ROBOTS, random_world
 
@@ -20,43 +19,6 @@ BOUNDS = (-3.0, 2.0, 5.0, 18.0)
 METHODS = ("uniform", "halton")
 
 
-def unit(q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bring configurations drawn over BOUNDS into the unit cube."""
-    xmin, ymin, xmax, ymax = BOUNDS
-    return (q - (xmin, ymin, -np.pi)) / (xmax - xmin, ymax - ymin, 2.0 * np.pi)
-
-
-def unevenness(points: NDArray[np.float64], cells: int) -> float:
-    """Chi-square statistic of the counts in cells³ boxes of the unit cube, per box: about 1 for independent points."""
-    counts, _ = np.histogramdd(points, cells, [(0.0, 1.0)] * 3)
-    expected = len(points) / cells**3
-    return float(((counts - expected) ** 2 / expected).mean())
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_draws_fill_the_bounds_and_all_headings(method: str) -> None:
-    q = draw(BOUNDS, 2000, method=method, random_state=1)  # type: ignore[arg-type]  # a parameter of the test
-    assert q.shape == (2000, 3)
-    points = unit(q)
-    assert ((points >= 0.0) & (points <= 1.0)).all()
-    assert (q[:, 2] > -np.pi).all()
-    assert (points.min(axis=0) < 0.01).all()
-    assert (points.max(axis=0) > 0.99).all()
-    assert unevenness(points, 4) < 2.0
-
-
-@pytest.mark.parametrize("n", [0, 1, 7, 3000])
-def test_halton_is_that_of_scipy(n: int) -> None:
-    rng = np.random.default_rng(5)
-    expected = qmc.Halton(3, rng=np.random.default_rng(5)).random(n) if n else np.empty((0, 3))
-    assert np.abs(unit(draw(BOUNDS, n, method="halton", random_state=rng)) - expected).max(initial=0.0) < 1e-14
-
-
-def test_halton_spreads_more_evenly_than_chance() -> None:
-    even = unevenness(unit(draw(BOUNDS, 2000, method="halton", random_state=2)), 4)
-    assert even < 0.2 * unevenness(unit(draw(BOUNDS, 2000, method="uniform", random_state=2)), 4)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_a_seed_decides_the_draws_and_a_generator_goes_on(method: str) -> None:
     def draws(state: int | np.random.Generator | None) -> NDArray[np.float64]:
@@ -68,11 +30,6 @@ def test_a_seed_decides_the_draws_and_a_generator_goes_on(method: str) -> None:
     rng = np.random.default_rng(7)
     assert np.array_equal(draws(rng), draws(7))
     assert not np.array_equal(draws(rng), draws(7))
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_no_draws(method: str) -> None:
-    assert draw(BOUNDS, 0, method=method).shape == (0, 3)  # type: ignore[arg-type]  # a parameter of the test
 
 
 def test_bad_arguments_are_named() -> None:

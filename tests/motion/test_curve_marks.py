@@ -5,37 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 
-from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
-from trailmark.errors import ConfigurationError
 from trailmark.motion.curve_marks import CurveMarks
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.shapes import Disc, Shape
 from trailmark.world import Robot, World
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("steering", [Steering(1.5), Steering(1.5, reverse=False)], ids=["reeds-shepp", "dubins"])
-def test_marks_lie_on_the_curves(steering: Steering) -> None:
-    marks_of = CurveMarks(PointwiseChecker(StateChecker(World("free", (-60, -60, 60, 60)), Robot.disc(0.2)), steering))
-    rng = np.random.default_rng(2)
-    for _ in range(300):
-        p, q = rng.uniform((-9, -9, -math.pi), (9, 9, math.pi), (2, 3))
-        a, b = (p[0], p[1], p[2]), (q[0], q[1], q[2])
-        found = marks_of.shortest(a, b)
-        assert found is not None
-        length, marks = found
-        assert length == pytest.approx(steering.lengths(a, b), abs=1e-12)
-        fraction, places = np.array(marks)[:, 0], np.array(marks)[:, 1:]
-        assert (np.diff(fraction) > 0.0).all()
-        assert fraction[-1] == pytest.approx(1.0, abs=1e-11)
-        assert np.abs(se2.difference(steering.states(a, b, fraction * length), places)).max() < 1e-9
-        for others in marks_of.others(a, b, length):
-            # Another curve that is as long comes to the same end.
-            assert np.abs(se2.difference(np.array(others)[-1, 1:], b)).max() < 1e-6
 
 
 def test_of_several_shortest_curves_all_that_are_free_are_found() -> None:
@@ -61,9 +37,3 @@ def test_of_several_shortest_curves_all_that_are_free_are_found() -> None:
     blocked_own, blocked_others = free_ones((Disc((far[0], far[1]), 0.05),))
     assert blocked_own
     assert 1 <= blocked_others < others
-
-
-def test_straight_motions_have_no_marks() -> None:
-    single = PointwiseChecker(StateChecker(World("free", (0, 0, 9, 9)), Robot.disc(0.2)))
-    with pytest.raises(ConfigurationError, match="expected a checker with steering"):
-        CurveMarks(single)

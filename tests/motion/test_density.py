@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from tests.helpers.density_oracle import sampled_cost
 from tests.support.trials import trials
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
-from trailmark.motion import StraightMotion, WeightedMotion, motion_of
-from trailmark.motion.density import build_density, line_cost
+from trailmark.motion import WeightedMotion, motion_of
+from trailmark.motion.density import line_cost
 from trailmark.robot import Robot
 from trailmark.zones import Zone
 
@@ -66,16 +64,6 @@ def test_the_error_is_a_bound_on_the_error() -> None:
         assert abs(rough[0] - fine[0]) <= rough[1] + fine[1]
 
 
-def test_a_line_along_a_border_costs_one_side_or_the_other() -> None:
-    zone = CostZone(Polygon(np.array([(2, 2), (8, 2), (8, 8), (2, 8)], dtype=float)), 5.0)
-    motion = weighted(world_with((zone,)), Objective())
-    cost = motion.cost_of(np.array([[2.0, 2.0, 0.0], [8.0, 2.0, 0.0]]))
-    assert cost == pytest.approx(6.0) or cost == pytest.approx(30.0)
-    # Through two corners, where the line meets each edge at its end.
-    diagonal = motion.cost_of(np.array([[0.0, 0.0, 0.0], [10.0, 10.0, 0.0]]))
-    assert diagonal == pytest.approx(math.sqrt(2.0) * (4.0 + 6.0 * 5.0))
-
-
 def test_the_least_density_is_below_every_density() -> None:
     rng = np.random.default_rng(5)
     for _ in range(10):
@@ -90,11 +78,3 @@ def test_the_least_density_is_below_every_density() -> None:
             ends = np.column_stack([rng.uniform(0.0, 10.0, (2, 2)), np.zeros(2)])
             length = float(np.hypot(*(ends[1] - ends[0])[:2]))
             assert motion.density.least * length <= sum(motion.cost_within(ends)) + 1e-9
-
-
-def test_zones_that_charge_nothing_are_left_out() -> None:
-    world = world_with()
-    assert len(build_density(Objective(), world, 5.0).zones) == 2
-    assert len(build_density(Objective.of("time"), world, 5.0).zones) == 1
-    assert len(build_density(Objective.of("time", max_speed=0.2), world, 5.0).zones) == 0
-    assert isinstance(motion_of(StateChecker(world_with(ZONES[2:]), Robot.rectangle(1.0, 0.5))), StraightMotion)

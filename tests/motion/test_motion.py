@@ -15,7 +15,6 @@ from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError
 from trailmark.motion import CurveMotion, Motion, StraightMotion, TranslationMotion, kind_of, motion_of
-from trailmark.motion.base import cost, interpolate, least_cost, new_scratch
 from trailmark.world import Robot, World
 
 WORLD = random_world(5, 30, size=24.0, radii=(0.5, 2.0))
@@ -68,20 +67,6 @@ def test_costs_are_those_of_the_metric(seed: int) -> None:
         assert (lengths >= 1.5 * np.array(turns) - 1e-9).all()
     assert (MOTIONS["reversing"].costs(a, b) <= MOTIONS["forwards"].costs(a, b) + 1e-9).all()
     assert MOTIONS["reversing"].costs(a, b) == pytest.approx(MOTIONS["reversing"].costs(b, a))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MOTIONS)
-def test_what_is_interpolated_divides_the_cost(name: str) -> None:
-    motion, (a, b) = MOTIONS[name], pairs(7)
-    scratch, q = new_scratch(motion.kind), np.empty(3)
-    for p, r in zip(a, b, strict=True):
-        whole = cost(motion.kind, scratch, p, r)
-        assert least_cost(motion.kind, p, r) <= whole + 1e-9
-        for share in (0.0, 0.3, 1.0):
-            interpolate(motion.kind, scratch, p, r, share * whole, q)
-            assert cost(motion.kind, scratch, p, q) == pytest.approx(share * whole, abs=1e-6)
-            assert cost(motion.kind, scratch, q, r) == pytest.approx((1.0 - share) * whole, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", MOTIONS)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -54,22 +53,11 @@ def test_contact_is_left_to_fcl_and_allowed() -> None:
     assert single.clearance(3.5, 5.0, 0.0) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_fcl_may_decide_all() -> None:
-    world = World("wall", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 5.0), 2.0, 2.0),))
-    single = PointwiseChecker(StateChecker(world, Robot.rectangle(1.0, 1.0), exact="fcl"))
-    assert single.valid(3.0, 5.0, 0.0)
-    assert not single.valid(4.0, 5.0, 0.5)
-    assert single.clearance(3.0, 5.0, 0.0) == pytest.approx(0.5)
-    assert single.motion_valid((3.0, 5.0, 0.0), (3.0, 7.0, 0.0))
-    assert not single.motion_valid((3.0, 5.0, 0.0), (7.0, 5.0, 0.0))
-
-
-@pytest.mark.parametrize("exact", ["kernel", "fcl"])
 @pytest.mark.parametrize("robot", [Robot.rectangle(1.0, 0.5), Robot.disc(0.4)], ids=["rectangle", "disc"])
-def test_what_is_no_configuration_is_neither_valid_nor_reached(robot: Robot, exact: Literal["kernel", "fcl"]) -> None:
+def test_what_is_no_configuration_is_neither_valid_nor_reached(robot: Robot) -> None:
     # A thin wall between the two ends, both in wide open space.
     world = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 5.0), 0.2, 10.0),))
-    single = PointwiseChecker(StateChecker(world, robot, exact=exact))
+    single = PointwiseChecker(StateChecker(world, robot))
     good, beyond = (5.0, 5.0, 0.0), (15.0, 5.0, 0.0)
     for wrong in (np.nan, np.inf, -np.inf, 1e300, -1e300):
         for axis in range(3):

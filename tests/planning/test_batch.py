@@ -18,7 +18,6 @@ from tests.helpers.random_worlds import ROBOTS, random_world
 from trailmark import LandmarkPlanner, PlanResult, se2
 from trailmark.errors import ConfigurationError, TrailmarkError
 from trailmark.landmarks import free_samples, k_means_landmarks
-from trailmark.motion.translation import turned_evenly
 from trailmark.planning.batch import for_each
 from trailmark.planning.growth import grow_general
 from trailmark.planning.settings import PlannerSettings
@@ -196,10 +195,6 @@ def test_a_car_is_planned_one_by_one() -> None:
     assert [r.status for r in results] == ["solved"] * 2
 
 
-def test_no_queries() -> None:
-    assert planner_for("disc").plan_many(np.empty((0, 3)), np.empty((0, 3))) == []
-
-
 def test_without_bounds_the_straight_distance_is_reported() -> None:
     planner = planner_for("disc")
     planner.build(300)
@@ -304,19 +299,6 @@ def test_many_queries_can_be_stopped() -> None:
 
 
 @pytest.mark.slow
-def test_landmarks_that_were_asked_for_keep_to_half_of_the_limit() -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=100_000)
-    starts, goals = queries(planner, 1)
-    result = planner.plan(starts[0], goals[0], 0.5)
-    assert result.status == "solved"
-    assert 16 <= result.landmarks < 100_000
-    before = planner._model.shared.to_place
-    assert 0 < before < 100_000
-    planner.plan(starts[0], goals[0], 0.5)
-    assert planner._model.shared.to_place < before
-
-
-@pytest.mark.slow
 def test_each_stops_at_the_first_exception() -> None:
     done: list[int] = []
 
@@ -330,13 +312,3 @@ def test_each_stops_at_the_first_exception() -> None:
         with pytest.raises(KeyboardInterrupt):
             for_each(work, 10_000, workers, None)
         assert len(done) < 10_000
-
-
-def test_a_disc_turns_evenly() -> None:
-    states = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 3.0, 0.0]])
-    turned = turned_evenly(states, np.array([0.0, 0.0, 3.0]), np.array([1.0, 3.0, -3.0]))
-    step = 2.0 * math.pi - 6.0
-    assert turned[:, 2] == pytest.approx([3.0, 3.0 + 0.25 * step, -3.0])
-    assert np.array_equal(turned[:, :2], states[:, :2])
-    still = turned_evenly(np.zeros((2, 3)), np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    assert still[:, 2].tolist() == [0.0, 1.0]

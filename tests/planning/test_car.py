@@ -226,14 +226,6 @@ def test_the_same_seed_gives_the_same_path_and_queries_share_the_roadmap(worlds:
     assert back.path.cost < 1.05 * first.path.cost
 
 
-def test_progress_tells_of_curves(office: Office) -> None:
-    seen, result = office.seen, office.result
-    costs = [state.cost for state in seen if state.cost is not None]
-    assert costs == sorted(costs, reverse=True)
-    assert all(isinstance(state.path, CurvePath) for state in seen if state.path is not None)
-    assert costs[-1] == result.cost
-
-
 def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:
     result = office.result
     record = json.loads(json.dumps(result.to_dict("office", "door")))
@@ -243,16 +235,6 @@ def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:
     assert again == result.path
     assert record["cost"] == record["length"] == again.length
     assert record["states"] == again.states.tolist()
-
-
-@pytest.mark.slow
-def test_landmarks_beforehand(worlds: Path) -> None:
-    world = shipped(worlds, "office", 0.6)
-    planner = LandmarkPlanner(world, seed=0, landmarks=300)
-    query = world.query("meeting")
-    result = planner.plan(query.start, query.goal, time_limit=20.0, max_iterations=2)
-    referee(world, query, result)
-    assert len(planner.roadmap) > 250
 
 
 @pytest.mark.slow

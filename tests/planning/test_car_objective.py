@@ -9,13 +9,8 @@ import pytest
 from tests.helpers.oracle import Oracle
 
 from trailmark import Objective
-from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
-from trailmark.landmarks import Relaxation
-from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanResult
-from trailmark.planning.drive_tree import Targets
-from trailmark.planning.hybrid_astar import drive_to
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -68,19 +63,6 @@ def test_the_factor_decides_whether_a_car_turns_round() -> None:
 
 
 @pytest.mark.slow
-def test_a_longer_curve_may_have_fewer_changes_of_direction() -> None:
-    world = World("open", (-30.0, -30.0, 30.0, 30.0), robot=Robot.rectangle(2.0, 1.0).steered(3.0))
-    start, goal = (0.0, 0.0, 0.0), (0.0, 2.0, 0.5)
-    dear = LandmarkPlanner(world, seed=0, objective=Objective(direction_change=50.0))
-    path = dear.plan(start, goal, 20.0, max_iterations=2).path
-    short = LandmarkPlanner(world, seed=0, objective="length").plan(start, goal, 20.0).path
-    assert isinstance(path, CurvePath)
-    assert isinstance(short, CurvePath)
-    assert path.cusps == 0 < short.cusps
-    assert path.length > short.length
-
-
-@pytest.mark.slow
 def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
     planner, before = LandmarkPlanner(WORLD, seed=0, landmarks=50), paid.path
     assert before is not None
@@ -91,32 +73,3 @@ def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
         path = result.path
         assert isinstance(path, CurvePath)
         assert result.cost == pytest.approx(path.length + 3.0 * path.cusps + 0.5 * path.reverse_length)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("reverse", [False, True], ids=["from the slot", "to the slot"])
-def test_drives_lead_to_the_cheapest_target(reverse: bool) -> None:
-    checker = StateChecker(WORLD)
-    motion, relaxation = CurveMotion(checker, objective=Objective(direction_change=3.0)), Relaxation(checker)
-    near, far = np.array([12.0, 5.5, 0.0]), np.array([16.0, 5.5, 0.0])
-    found = {}
-    for price in (0.0, 100.0):
-        targets = Targets(np.array([near, far]), np.array([price, 0.0]), np.zeros(2))
-        knots, target = drive_to(
-            motion,
-            relaxation,
-            relaxation.costs_from(far),
-            SLOT,
-            targets,
-            reverse=reverse,
-            step=0.3,
-            cell=0.08,
-            most=100_000,
-            limit=200.0,
-            seconds=60.0,
-        )
-        ends = knots[[-1, 0]] if reverse else knots[[0, -1]]
-        assert np.array_equal(ends, [SLOT, targets.configurations[target]])
-        assert motion.motions_valid(knots[:-1], knots[1:]).all()
-        found[price] = target
-    assert found[100.0] == 1

@@ -66,11 +66,9 @@ def test_states_are_valid_where_shapely_measures_the_clearance(name: str, cleara
     distance = Oracle(world, robot).clearance(q)
     sure = (np.abs(distance - clearance) > ALLOWED) | Oracle(world, robot).collides(q)
     assert sure.mean() > 0.9
-    for exact in ("kernel", "fcl"):
-        checker = StateChecker(world, robot, clearance=clearance, exact=exact)
-        some = slice(None) if exact == "kernel" else slice(50)
-        assert (checker.valid(q[some]) == (distance[some] > clearance))[sure[some]].all()
-        assert checker.clearance(q[:50]) == pytest.approx(distance[:50], abs=1e-8)
+    checker = StateChecker(world, robot, clearance=clearance)
+    assert (checker.valid(q) == (distance > clearance))[sure].all()
+    assert checker.clearance(q[:50]) == pytest.approx(distance[:50], abs=1e-8)
 
 
 @pytest.mark.slow

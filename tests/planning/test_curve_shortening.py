@@ -73,12 +73,3 @@ def test_around_a_wall() -> None:
     short = CurvePath(shorten(motions, knots, np.random.default_rng(1), sweeps=200, tolerance=1e-6), steering)
     assert 23.0 < short.length < 25.0
     assert short.length < 0.75 * CurvePath(knots, steering).length
-
-
-def test_nothing_to_shorten_and_an_early_end() -> None:
-    checker = StateChecker(World("open", (-50.0, -50.0, 50.0, 50.0)), CAR)
-    motions, rng = CurveMotion(checker, KINDS[0]), np.random.default_rng(0)
-    for knots in (np.zeros((1, 3)), np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)])):
-        assert np.array_equal(shorten(motions, knots, rng), knots)
-    long = rng.uniform((-20, -20, -3), (20, 20, 3), (8, 3))
-    assert np.array_equal(shorten(motions, long, rng, seconds_left=lambda: 0.0), long)

@@ -97,9 +97,3 @@ def test_nothing_is_reached_where_the_car_cannot_move() -> None:
     )
     assert found.configurations.shape == (0, 3)
     assert found.parents.shape == (0,)
-
-
-def test_the_same_seed_gives_the_same_drives() -> None:
-    first, second = (grown(True, False, SLOT[None], ROAD)[1] for _ in range(2))
-    assert np.array_equal(first.configurations, second.configurations)
-    assert np.array_equal(first.parents, second.parents)

@@ -30,13 +30,11 @@ ROADMAP = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/adjacency.py", "ne
 PLANNING = (
     "planning/planner.py",
     "planning/single_query.py",
-    "planning/many_queries.py",
     "planning/solve.py",
-    "planning/solving_steps.py",
     "planning/query.py",
     "planning/rounds.py",
     "planning/batch.py",
-    "planning/proofs/background.py",
+    "planning/proofs/prover.py",
 )
 
 
@@ -196,7 +194,7 @@ UPDATING = (
     "collision/checker.py",
     "collision/cells.py",
     "collision/fcl_scene.py",
-    "collision/memory.py",
+    "collision/edits.py",
     "landmarks/relaxation.py",
 )
 

@@ -15,9 +15,8 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path
 from trailmark.planning import PlannerSettings, PlanResult
-from trailmark.planning.mechanisms import MECHANISMS
-from trailmark.planning.methods import METHODS
-from trailmark.planning.published import path_over_landmarks, published_landmarks
+from trailmark.planning.placement import path_over_landmarks, published_landmarks
+from trailmark.planning.settings import MECHANISMS, METHODS
 from trailmark.planning.single_query import GAP
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -111,10 +110,6 @@ TAKING_PART = {
 """Mechanisms that have a part in planning for a robot."""
 
 
-def test_each_mechanism_has_a_part_somewhere() -> None:
-    assert set().union(*TAKING_PART.values()) == set(MECHANISMS)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "mechanism"), [(robot, name) for robot, names in TAKING_PART.items() for name in names]
@@ -162,12 +157,3 @@ def test_a_path_over_landmarks_leads_over_them_alone_and_is_the_shortest() -> No
     best = nx.shortest_path_length(graph, 5, 6, weight="cost")
     assert path.cost == pytest.approx(best, abs=1e-9)
     assert len(roadmap) == len(nodes)
-
-
-def test_landmarks_that_do_not_connect_give_no_path_and_invalid_ends_are_named() -> None:
-    checker = StateChecker(CROSSING, Robot.disc(0.3))
-    landmarks = np.array([[5.0, 5.0, 0.0], [15.0, 2.0, 0.0]])
-    _, path = path_over_landmarks(checker, landmarks, (2.0, 2.0, 0.0), (18.0, 2.0, 1.0))
-    assert path is None
-    with pytest.raises(ConfigurationError, match="goal"):
-        path_over_landmarks(checker, landmarks, (2.0, 2.0, 0.0), (10.0, 2.0, 0.0))

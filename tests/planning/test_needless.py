@@ -17,9 +17,8 @@ from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion, motion_of
-from trailmark.planning.needless import without_needless
+from trailmark.planning.shortening import without_needless
 from trailmark.planning.warmup import warm_up
-from trailmark.world import World
 
 FloatArray = NDArray[np.float64]
 Judge = Callable[..., float]
@@ -58,26 +57,6 @@ def test_planned_paths(name: str, judge: Judge) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["rectangle", "disc"])
-def test_paths_of_many_queries(name: str) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, landmarks=600, settings=QUICK)
-    pairs = random_pairs(planner, 8, 3)
-    vertices = 0
-    for result in planner.plan_many(pairs[:, 0], pairs[:, 1], 30.0, max_iterations=1):
-        assert result.path is not None
-        if not planner.checker.footprint.is_disc:
-            vertices += assert_none_needless(planner.checker, result)
-        else:
-            # A disc turns evenly along its path: only its positions say what is needless.
-            q = result.path.states.copy()
-            q[:, 2] = 0.0
-            assert not planner.checker.motions_valid(q[:-2], q[2:]).any()
-            vertices += len(q) - 2
-        assert result.history[-1][1] == pytest.approx(result.path.cost, abs=1e-9)
-    assert vertices > 8
-
-
-@pytest.mark.slow
 def test_a_cars_paths() -> None:
     warm_up("curve")
     planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"].steered(1.5), seed=4)
@@ -95,14 +74,6 @@ def test_a_cars_paths() -> None:
         assert (~motions.motions_valid(q[:-2], q[2:]) | longer).all()
         knots += len(q) - 2
     assert knots > 2
-
-
-def test_what_is_left_out_by_hand() -> None:
-    checker = StateChecker(World("open", (0, 0, 10, 10)), ROBOTS["rectangle"])
-    path = np.array([[2.0, 2, 0], [2.0, 2, 0], [4.0, 3, 1], [4.0, 3, 1], [4.001, 3, 1], [7.0, 7, 2], [7.0, 7, 2]])
-    assert np.array_equal(fewer(checker, path), path[[0, -1]])
-    assert np.array_equal(fewer(checker, path[:1]), path[:1])
-    assert np.array_equal(fewer(checker, path[:2]), path[:2])
 
 
 @pytest.mark.slow
@@ -129,11 +100,3 @@ def test_what_is_needed_stays_and_costs_do_not_rise() -> None:
         assert float(np.sum(se2.distance(left[:-1], left[1:]))) <= cost + 1e-9
         dropped += len(q) - len(left)
     assert dropped > 40
-
-
-def test_knots_of_a_car_by_hand() -> None:
-    warm_up("curve")
-    checker = StateChecker(World("open", (0, 0, 20, 20)), ROBOTS["rectangle"].steered(1.5))
-    motions = CurveMotion(checker)
-    knots = np.array([[3.0, 3, 0], [5.0, 3, 0], [5.0, 3, 0], [8.0, 3, 0], [12.0, 3, 0]])
-    assert np.array_equal(without_needless(motions.kind, knots, BUDGET), knots[[0, -1]])

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
 from trailmark import Goal, LandmarkPlanner, Path, Rectangle, Robot, World
-from trailmark.planning.reach import SAME_WIDTH, narrowest_width
 from trailmark.planning.result import PlanResult
 from trailmark.zones import KeepOutZone
 
@@ -161,20 +159,6 @@ def test_in_a_corridor_as_wide_as_the_robot_an_end_is_in_contact() -> None:
     result = planned(world, Robot.disc(0.25), (9.0, 0.25, 0.0), (1.0, 0.25, 0.0))
     assert result.status == "timeout"
     assert "only in contact at the start" in result.reason
-
-
-@pytest.mark.parametrize(
-    ("vertices", "width"),
-    [
-        ([(0, 0), (2, 0), (2, 1), (0, 1)], 1.0),
-        ([(0, -0.3), (0.5, 0), (0, 0.3)], 0.5),
-        ([(0, 0), (3, 0), (3, 0.5), (0.5, 0.5), (0.5, 3), (0, 3)], None),
-    ],
-)
-def test_the_narrowest_strip_around_a_robot(vertices: Sequence[tuple[float, float]], width: float | None) -> None:
-    robot = Robot.polygon(np.array(vertices, dtype=float)).keeping(0.1)
-    expected = 2.0 * robot.inscribed_disc.radius if width is None else width + 0.2
-    assert narrowest_width(robot) == pytest.approx(expected, abs=0.1 * SAME_WIDTH)
 
 
 @pytest.mark.slow

@@ -22,7 +22,6 @@ from trailmark import (
     World,
 )
 from trailmark.errors import ConfigurationError
-from trailmark.planning.rest import rest_of
 
 Judge = Callable[..., float]
 OPEN = World("field", (0.0, 0.0, 40.0, 20.0), (Rectangle((20.0, 4.0), 2.0, 8.0),))
@@ -211,14 +210,6 @@ def test_a_robot_beside_its_path_returns_to_it(judge: Judge) -> None:
     assert result.kept
     judge(planner.world, planner.robot, here, GOAL, states_of(result))
     assert planner.replan(GOAL, GOAL, path).path is not None
-
-
-def test_only_what_changed_is_looked_at_again() -> None:
-    planner, path = planner_with_path()
-    planner.update(OPEN.edited(add=[Disc((30.0, 18.0), 1.0)]))
-    rest = rest_of(planner._model, path, path.states[0].copy())
-    assert rest.free.all()
-    assert not rest.checked.any()
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,9 @@ from tests.support.quick import QUICK
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
-from trailmark.planning.roadmap_lookup import FIRST_BUDGET, RoadmapLookup
+from trailmark.planning.roadmap_lookup import FIRST_BUDGET
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.single_query import GAP
-from trailmark.roadmap import Roadmap
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -83,22 +82,6 @@ def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> N
 
 
 @pytest.mark.slow
-def test_a_large_roadmap_grows_by_what_it_does_not_know_alone(judge: Judge) -> None:
-    planner = planner_for()
-    planner.build(MAX_KEPT + 100)
-    nodes, edges = len(planner.roadmap), len(planner.roadmap.edges)
-    assert nodes > MAX_KEPT
-    pairs = random_pairs(planner, 4, 6)
-    for start, goal in pairs:
-        result = planner.plan(start, goal, LONG, max_iterations=1)
-        assert result.path is not None
-        judge(WORLD, planner.robot, start, goal, result.path.states)
-    # No landmarks; a path here and there.
-    assert len(planner.roadmap) - nodes <= 5 * len(pairs)
-    assert len(planner.roadmap.edges) - edges <= 5 * len(pairs) * 40
-
-
-@pytest.mark.slow
 def test_a_query_that_nobody_can_answer_does_not_fill_it() -> None:
     # The way is barred to the robot, not to its disc, and no proof is sought.
     walls = (Rectangle((5.0, 1.4), 0.4, 2.8), Rectangle((5.0, 6.2), 0.4, 5.6), Rectangle((4.3, 3.1), 0.2, 1.0))
@@ -113,29 +96,3 @@ def test_a_query_that_nobody_can_answer_does_not_fill_it() -> None:
     assert sizes[-1] == sizes[-2] == sizes[-3]
     # One query may need more than there is room for; no other one goes on from there.
     assert sizes[-1] < 5_000
-
-
-def test_looks_within_a_budget() -> None:
-    planner = planner_for()
-    planner.build(400)
-    (pair,) = random_pairs(planner, 1, 9)
-    lookup = RoadmapLookup(planner.roadmap, *pair)
-    nodes = len(planner.roadmap)
-    lookup.search_free_edges()
-    assert lookup.expanded <= FIRST_BUDGET + 24
-    before = lookup.expanded
-    if not lookup.complete:
-        # Too little more for a search to begin anew.
-        assert len(lookup.search(before + 1)) == 0 or lookup.complete
-    found = lookup.search(1e9)
-    assert lookup.complete
-    assert len(lookup.search(1e12)) == 0
-    if len(found):
-        assert np.array_equal(found[[0, -1]], pair)
-        assert planner.checker.motions_valid(found[:-1], found[1:]).all()
-    assert len(planner.roadmap) == nodes
-    nothing = RoadmapLookup(Roadmap(planner.checker), *pair)
-    assert nothing.complete
-    assert len(nothing.search_free_edges()) == len(nothing.search(1e9)) == 0
-    assert len(nothing.search_for_better(np.inf, 100)) == 0
-    assert nothing.expanded == 0

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from trailmark import LandmarkPlanner
 from trailmark.errors import ConfigurationError, FormatError
 from trailmark.planning.settings import PlannerSettings
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
-
-
-def test_every_setting_is_documented_and_has_its_unit() -> None:
-    for setting in fields(PlannerSettings):
-        assert f"        {setting.name}: " in (PlannerSettings.__doc__ or "")
-        assert setting.metadata["unit"]
 
 
 def test_what_a_file_says_counts_and_the_rest_keeps_its_default(tmp_path: Path) -> None:
@@ -51,19 +41,3 @@ def test_wrong_files_are_refused_in_one_line(tmp_path: Path, text: str, match: s
 def test_wrong_values_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ConfigurationError):
         PlannerSettings(**wrong)
-
-
-@pytest.mark.slow
-def test_the_planner_takes_them() -> None:
-    world = World("wall", (0, 0, 10, 4), (Rectangle((5.0, 1.0), 0.5, 2.0),), Robot.rectangle(0.6, 0.4))
-    few = LandmarkPlanner(world, seed=0, settings=PlannerSettings(patience=1))
-    many = LandmarkPlanner(world, seed=0)
-    ends = (1.0, 1.0, 0.0), (9.0, 1.0, 0.0)
-    rounds = []
-    for planner in (few, many):
-        phases: list[str] = []
-        planner.plan(*ends, 30.0, on_progress=lambda progress, phases=phases: phases.append(progress.phase))  # type: ignore[misc]  # bound now
-        rounds.append(phases.count("improving"))
-    assert rounds[0] < rounds[1]
-    with pytest.raises(ConfigurationError, match="settings"):
-        LandmarkPlanner(world, settings={"patience": 1})  # type: ignore[arg-type]  # that is what is tried

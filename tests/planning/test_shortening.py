@@ -18,7 +18,6 @@ from tests.support.trials import few
 from trailmark.collision import StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.motion import motion_of
-from trailmark.path import Path
 from trailmark.planning import shorten
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Rectangle
@@ -131,20 +130,6 @@ def test_turning_to_and_fro_is_left_out() -> None:
     assert cost(short) == pytest.approx(16.0, abs=1e-3)
 
 
-def test_a_round_robots_headings_do_not_count() -> None:
-    checker = StateChecker(World("open", (0, 0, 20, 20)), Robot.disc(0.5))
-    states = np.array([[2.0, 2.0, 0.0], [10.0, 3.0, 3.0], [18.0, 2.0, 0.0]])
-    assert np.array_equal(shorten(motion_of(checker), states, np.random.default_rng(0)), states[[0, 2]])
-
-
-def test_what_cannot_be_shortened_comes_back() -> None:
-    rng = np.random.default_rng(0)
-    for states in (np.array([[2.0, 2.0, 0.0]]), np.array([[2.0, 2.0, 0.0], [9.0, 3.0, 1.0]])):
-        assert np.array_equal(shorten(motion_of(OPEN), states, rng), states)
-    same = np.full((5, 3), 4.0)
-    assert cost(shorten(motion_of(OPEN), same, rng)) == 0.0
-
-
 def test_seed_sweeps_and_deadline() -> None:
     chart = roadmap("L", 1)
     states = longest_way(chart)
@@ -166,11 +151,3 @@ def test_seed_sweeps_and_deadline() -> None:
         assert not np.shares_memory(untouched, states)
     few, many = (cost(shorten(chart.motion, states, np.random.default_rng(3), sweeps=n)) for n in (1, 40))
     assert many < few < cost(states)
-
-
-def test_any_array_will_do() -> None:
-    chart = roadmap("L", 1)
-    path = Path(longest_way(chart))
-    expected = shorten(chart.motion, np.array(path.states), np.random.default_rng(1))
-    for states in (path.states, np.asfortranarray(path.states), np.repeat(path.states, 2, axis=0)[::2]):
-        assert np.array_equal(shorten(chart.motion, states, np.random.default_rng(1)), expected)

@@ -17,7 +17,7 @@ from tests.support.trials import few
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.motion import motion_of
-from trailmark.planning.needless import without_needless
+from trailmark.planning.shortening import without_needless
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -82,13 +82,6 @@ def test_what_is_left_is_a_certified_path_over_some_of_the_vertices(
     assert not checker.motions_valid(short[:-2], short[2:]).any()
 
 
-@pytest.mark.parametrize("n", [2, 3, 4, 5, 8, 9, 16, 17, 100])
-def test_nothing_is_left_between_the_ends_of_a_way_in_the_open(n: int) -> None:
-    checker = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(2.0, 1.0))
-    path = np.random.default_rng(n).uniform((2, 2, -1), (18, 18, 1), (n, 3))
-    assert np.array_equal(straight(checker, path), path[[0, -1]])
-
-
 @pytest.mark.parametrize("before", range(1, 12))
 @pytest.mark.parametrize("after", [1, 2, 3, 7])
 def test_the_corner_of_an_angle_is_kept(before: int, after: int) -> None:
@@ -100,11 +93,3 @@ def test_the_corner_of_an_angle_is_kept(before: int, after: int) -> None:
     path = np.concatenate([up, corner[None], left])
     assert np.array_equal(straight(checker, path), [path[0], corner, path[-1]])
     assert np.array_equal(straight(checker, np.ascontiguousarray(path[::-1])), [path[-1], corner, path[0]])
-
-
-def test_no_more_than_a_point_stays_a_point() -> None:
-    checker = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(2.0, 1.0))
-    q = np.array([5.0, 5.0, 1.0])
-    assert np.array_equal(straight(checker, q[None]), [q])
-    assert np.array_equal(straight(checker, np.array([q, q])), [q, q])
-    assert np.array_equal(straight(checker, np.array([q] * 7)), [q, q])

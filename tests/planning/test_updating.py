@@ -10,10 +10,9 @@ import pytest
 from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
 from tests.support.trials import trials
 
-from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, StateChecker, World
+from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, World
 from trailmark.errors import WorldError
 from trailmark.landmarks import free_samples
-from trailmark.planning.updating import Boxes
 
 
 def edit(world: World, rng: np.random.Generator) -> World:
@@ -111,28 +110,6 @@ def test_the_world_is_the_users_and_its_zones_can_be_opened() -> None:
     planner.update(replace(planner.world, zones=()))
     assert planner.checker.valid((5.0, 2.0, 0.0))
     assert planner.plan((1.0, 1.0, 0.0), (9.0, 1.0, 0.0)).cost == pytest.approx(8.0)
-
-
-def test_a_checkers_cells_are_kept() -> None:
-    world = World("cells", (0.0, 0.0, 10.0, 10.0), (Disc((2.0, 8.0), 0.3),))
-    planner = LandmarkPlanner(world, checker=StateChecker(world, Robot.disc(0.3), cell=0.025), seed=0)
-    planner.update(world.edited(add=[Moving(Disc((2.0, 2.0), 0.3), (0.0, 0.0), 1.0)]))
-    for model in (planner._models.full, planner._models.standing, planner._models.full.keeping(0.1)):
-        assert model.checker.field.size == pytest.approx(0.025, rel=0.1)
-
-
-def test_other_bounds_build_all_anew() -> None:
-    planner = LandmarkPlanner(World("small", (0.0, 0.0, 10.0, 10.0)), ROBOTS["disc"], seed=0)
-    assert planner.plan((1, 1, 0), (9, 9, 0)).status == "solved"
-    planner.update(World("large", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 4.0), 1.0, 8.0),)))
-    assert planner.plan((1, 1, 0), (19, 1, 0)).status == "solved"
-
-
-def test_boxes_hold_what_changed() -> None:
-    world = World("two", (0.0, 0.0, 10.0, 10.0), (Disc((2.0, 2.0), 1.0), Disc((8.0, 8.0), 1.0)))
-    found = Boxes.of(world.difference(world.edited(move={0: (1.0, 0.0)}, remove=[1])))
-    assert found.added.tolist() == [[2.0, 1.0, 4.0, 3.0]]
-    assert sorted(found.removed.tolist()) == [[1.0, 1.0, 3.0, 3.0], [7.0, 7.0, 9.0, 9.0]]
 
 
 @pytest.mark.slow

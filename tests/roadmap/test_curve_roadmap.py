@@ -17,7 +17,6 @@ from trailmark.errors import ConfigurationError, FormatError, OutputError
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.roadmap import Roadmap, load_roadmap
-from trailmark.roadmap.files import fingerprint
 from trailmark.world import Robot
 
 networkx: Any = nx  # whose functions carry no types
@@ -128,22 +127,6 @@ def test_paths_and_trees_are_added_once() -> None:
     assert {(int(hung[0]), 0), (int(hung[1]), int(hung[0]))} <= {tuple(e) for e in forward.edges.tolist()}
 
 
-def test_what_is_drawn_follows_the_curves() -> None:
-    roadmap = made(True)
-    chosen = np.zeros(len(roadmap.edges), dtype=np.bool_)
-    chosen[:20] = True
-    edges = roadmap.edges[chosen]
-    lines = roadmap.motion.lines(roadmap.configurations[edges[:, 0]], roadmap.configurations[edges[:, 1]])
-    assert lines.shape == (240, 2, 2)
-    ways = np.hypot(*(lines[:, 1] - lines[:, 0]).T).reshape(20, -1).sum(axis=1)
-    assert (ways <= roadmap.lengths[:20] + 1e-9).all()
-    assert (ways > 0.85 * roadmap.lengths[:20]).all()
-    ends = roadmap.configurations[roadmap.edges[:20], :2]
-    assert lines.reshape(20, 12, 2, 2)[:, 0, 0] == pytest.approx(ends[:, 0])
-    assert np.abs(lines.reshape(20, 12, 2, 2)[:, -1, 1] - ends[:, 1]).max() < 1e-8
-    assert roadmap.motion.lines(np.empty((0, 3)), np.empty((0, 3))).shape == (0, 2, 2)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".graphml"])
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
@@ -170,11 +153,6 @@ def test_files_give_the_roadmap_back_for_the_same_car_only(tmp_path: Path, suffi
         other = load_roadmap(file, StateChecker(WORLD, robot))
         assert not (other.status == FREE).any()
         assert isinstance(other.motion, CurveMotion) == (robot.turning_radius is not None)
-
-
-def test_fingerprints_tell_cars_apart() -> None:
-    robots = [CAR, CAR.steered(1.6), CAR.steered(1.5, reverse=False), CAR.steered(None)]
-    assert len({fingerprint(StateChecker(WORLD, robot)) for robot in robots}) == 4
 
 
 def test_a_route_graph_holds_no_curves(tmp_path: Path) -> None:

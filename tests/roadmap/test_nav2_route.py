@@ -167,13 +167,6 @@ def test_all_that_nav2_takes(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
-def test_of_several_edges_the_cheapest_is_kept(order: tuple[int, ...], tmp_path: Path) -> None:
-    edges = [line(7, 1, 2, cost=9.0), line(8, 1, 2), line(9, 1, 2, cost=6)]
-    file = written(tmp_path, point(1, 0, 0), point(2, 3, 4), *(edges[i] for i in order))
-    assert read_route_graph(file).edges[1, 2] == {"id": 8, "length": 5.0}
-
-
 @pytest.mark.parametrize(
     ("features", "said"),
     [

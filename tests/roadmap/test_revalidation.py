@@ -11,7 +11,6 @@ from trailmark import StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.motion import motion_of
 from trailmark.roadmap import Roadmap
-from trailmark.roadmap.reach import MANY, few_boxes
 from trailmark.roadmap.revalidation import revalidated
 from trailmark.roadmap.store import EdgeStatus
 from trailmark.shapes import Shape
@@ -58,26 +57,3 @@ def test_every_edge_has_the_status_that_the_changed_world_gives_it(name: str) ->
     assert gained > 0
     assert lost > 0
     assert dropped > 0
-
-
-def test_what_no_change_comes_near_is_not_looked_at() -> None:
-    world = World("two rooms", (0.0, 0.0, 100.0, 10.0))
-    roadmap = roadmap_in(world, ROBOTS["rectangle"])
-    q, edges, _, _ = roadmap.rows()
-    far = (q[edges, 0] < 70.0).all(axis=1)
-    come = star_polygon(np.random.default_rng(0), (95.0, 5.0), 3.0)
-    motion = motion_of(StateChecker(world.edited(add=[come]), roadmap.checker.robot))
-    found = revalidated(roadmap, motion, boxes(), boxes(come))
-    assert 0 < found.checked + found.lost <= np.count_nonzero(~far)
-
-
-@pytest.mark.parametrize("count", [MANY, 1000])
-def test_few_boxes_hold_all(count: int) -> None:
-    low = np.random.default_rng(count).uniform(0.0, 50.0, (count, 2))
-    many = np.hstack([low, low + 0.3])
-    few = few_boxes(many)
-    assert len(few) <= 2 * MANY
-    beyond = np.maximum(few[:, :2] - many[:, None, :2], many[:, None, 2:] - few[:, 2:]).max(axis=2)
-    assert beyond.min(axis=1).max() <= 0.0
-    assert np.array_equal(few_boxes(few[:MANY]), few[:MANY])
-    assert np.array_equal(few_boxes(np.repeat(many[:1], 99, axis=0)), many[:1])

@@ -23,7 +23,7 @@ from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import free_samples
 from trailmark.motion import TranslationMotion
-from trailmark.roadmap import Roadmap, neighbour_count
+from trailmark.roadmap import Roadmap
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -63,14 +63,6 @@ def way_cost(roadmap: Roadmap, nodes: NDArray[np.int64]) -> float:
     return sum(cost(a, b, not isinstance(roadmap.motion, TranslationMotion)) for a, b in pairwise(q))
 
 
-@pytest.mark.parametrize(
-    ("n", "expected"), [(0, 3), (1, 3), (2, 3), (3, 4), (10, 9), (100, 17), (1000, 26), (100_000, 42)]
-)
-def test_neighbour_count_is_the_bound_of_prm_star(n: int, expected: int) -> None:
-    # 4/3 e ln n, rounded up: 2.51, 3.98, 8.35, 16.69, 25.04, 41.73.
-    assert neighbour_count(n) == expected
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_edges_join_nearest_neighbours_once(name: str) -> None:
     checker = checker_for(name)
@@ -103,16 +95,6 @@ def test_edges_join_nearest_neighbours_once(name: str) -> None:
     q, pairs = roadmap.configurations, roadmap.edges
     assert roadmap.lengths == pytest.approx([cost(q[u], q[v], turning) for u, v in pairs.tolist()], abs=1e-12)
     assert np.array_equal(roadmap.certified, roadmap.status == FREE)
-
-
-def test_one_place_many_times() -> None:
-    roadmap = Roadmap(StateChecker(World("open", (0, 0, 10, 10)), Robot.rectangle(1, 0.5)))
-    roadmap.add(np.full((8, 3), 2.0), neighbours=3)
-    roadmap.add(np.full((2, 3), 2.0), neighbours=3)
-    assert (roadmap.edges[:, 0] != roadmap.edges[:, 1]).all()
-    assert len(np.unique(np.sort(roadmap.edges, axis=1), axis=0)) == len(roadmap.edges)
-    assert not roadmap.lengths.any()
-    assert roadmap.shortest_path(0, 0).nodes.tolist() == [0]
 
 
 @pytest.mark.parametrize("name", ["disc", "rectangle"])
@@ -225,16 +207,6 @@ def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> N
     assert np.array_equal(roadmap.status[checked], whole.status[checked])
 
 
-def test_the_search_checks_only_what_it_needs() -> None:
-    roadmap = roadmap_for("L", n=400)
-    before = np.count_nonzero(roadmap.status == UNDECIDED)
-    q = roadmap.configurations
-    near = int(np.argsort(np.hypot(*(q[:, :2] - q[0, :2]).T))[3])
-    assert len(roadmap.shortest_path(0, near).nodes) > 0
-    assert np.count_nonzero(roadmap.status == UNDECIDED) > 0.5 * before > 10
-    assert roadmap.status[roadmap.certified].tolist() == [FREE] * np.count_nonzero(roadmap.certified)
-
-
 @pytest.mark.parametrize(("start", "goal"), [(-1, 0), (0, 20), (99, 3)])
 def test_nodes_that_are_not_there(start: int, goal: int) -> None:
     roadmap = roadmap_for("disc", n=20)
@@ -283,23 +255,3 @@ def test_an_empty_roadmap() -> None:
     assert roadmap.add(np.array([[1.0, 1.0, 0.0]])).tolist() == [0]
     assert roadmap.shortest_path(0, 0).nodes.tolist() == [0]
     assert len(roadmap.edges) == 0
-
-
-def test_from_arrays_takes_what_it_is_given() -> None:
-    roadmap = roadmap_for("L", n=60)
-    q, edges = np.asfortranarray(roadmap.configurations), roadmap.edges.astype(np.int64)
-    q.flags.writeable = False
-    again = Roadmap.from_arrays(roadmap.checker, q, edges.astype(np.int32), roadmap.status)
-    assert np.array_equal(again.lengths, roadmap.lengths)
-    for goal in (10, 20, 30):
-        assert np.array_equal(again.shortest_path(0, goal).nodes, roadmap.shortest_path(0, goal).nodes)
-    again.add(roadmap.configurations[:3])
-    assert len(again) == 63
-
-
-def test_it_tells_its_size_at_a_prompt() -> None:
-    roadmap = roadmap_for("rectangle", n=20)
-    roadmap.certify_all()
-    free = int(roadmap.certified.sum())
-    counts = f"{len(roadmap.edges) - free} blocked, {free} free, 0 undecided"
-    assert repr(roadmap) == f"Roadmap(20 nodes, {len(roadmap.edges)} edges ({counts}), StraightMotion)"

@@ -21,17 +21,9 @@ from trailmark.landmarks import free_samples
 from trailmark.motion import TranslationMotion
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
-from trailmark.roadmap.spanner import Adjacency, adjacency_of, distances_from, spanner
+from trailmark.roadmap.spanner import Adjacency
 
 FloatArray = NDArray[np.float64]
-
-
-def random_graph(seed: int, n: int, m: int) -> tuple[NDArray[np.int32], FloatArray]:
-    """Return edges, none twice, and their lengths; often in several components."""
-    rng = np.random.default_rng(seed)
-    pairs = np.sort(rng.integers(0, n, (m, 2)), axis=1)
-    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
-    return pairs.astype(np.int32), rng.uniform(0.1, 5.0, len(pairs))
 
 
 def as_graph(n: int, links: Adjacency) -> nx.Graph:
@@ -41,43 +33,6 @@ def as_graph(n: int, links: Adjacency) -> nx.Graph:
         for k in range(links.start[node], links.start[node + 1]):
             graph.add_edge(node, int(links.node[k]), weight=float(links.length[k]))
     return graph
-
-
-@pytest.mark.slow
-@given(
-    seed=st.integers(0, 10_000),
-    n=st.integers(2, 40),
-    density=st.floats(0.3, 6.0),
-    stretch=st.sampled_from([1.0, 1.2, 2.0]),
-)
-def test_sparse_links_stretch_no_distance_by_more(seed: int, n: int, density: float, stretch: float) -> None:
-    edges, lengths = random_graph(seed, n, int(density * n))
-    whole, sparse = as_graph(n, adjacency_of(n, edges, lengths)), as_graph(n, spanner(n, edges, lengths, stretch))
-    assert whole.number_of_edges() == len(edges)
-    assert set(sparse.edges) <= {edge for u, v in whole.edges for edge in ((u, v), (v, u))}
-    before, after = (dict(nx.all_pairs_dijkstra_path_length(graph)) for graph in (whole, sparse))
-    for u in range(n):
-        assert set(before[u]) == set(after[u])
-        for v in before[u]:
-            assert before[u][v] - 1e-9 <= after[u][v] <= stretch * before[u][v] + 1e-9
-
-
-@pytest.mark.slow
-@given(seed=st.integers(0, 10_000), n=st.integers(1, 40), density=st.floats(0.0, 3.0))
-def test_beacons_tell_distances_and_components(seed: int, n: int, density: float) -> None:
-    edges, lengths = random_graph(seed, n, int(density * n))
-    links = adjacency_of(n, edges, lengths)
-    distances, components = distances_from(links, 4)
-    graph = as_graph(n, links)
-    assert {frozenset(part) for part in nx.connected_components(graph)} == {
-        frozenset(np.flatnonzero(components == c).tolist()) for c in range(components.max() + 1)
-    }
-    for column in distances.T:
-        source = int(np.argmin(column))
-        assert column[source] == 0.0
-        expected = nx.single_source_dijkstra_path_length(graph, source)
-        assert set(np.flatnonzero(np.isfinite(column)).tolist()) == set(expected)
-        assert column[list(expected)] == pytest.approx(list(expected.values()), rel=1e-6)
 
 
 def cost(a: FloatArray, b: FloatArray, turning: bool) -> float:

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,8 +26,6 @@ from trailmark import (
 from trailmark.benchmark.referee import Referee
 from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
-from trailmark.trajectories.one_way import one_way_respected
-from trailmark.trajectories.pieces import pieces_of
 from trailmark.zones import OneWayZone
 
 BOX = Rectangle((5.0, 5.0), 2.0, 2.0)
@@ -155,11 +152,6 @@ def test_segments_of_micrometres_are_smoothed_too() -> None:
     assert_within_limits(smooth.timed(1.0, 1.0, 1.0, 1.0), jump=1e-6)
 
 
-def test_a_path_in_many_parts_is_smoothed_as_one() -> None:
-    dense = AROUND.resample(0.01).smooth(WORLD, ROBOT)
-    assert dense.max_curvature == pytest.approx(AROUND.smooth(WORLD, ROBOT).max_curvature, rel=1e-3)
-
-
 def test_curvature_is_bounded() -> None:
     smooth = AROUND.smooth(WORLD, ROBOT, max_curvature=2.0)
     assert smooth.max_curvature <= 2.0
@@ -265,13 +257,6 @@ def test_directions_of_one_way_zones_are_kept() -> None:
     assert not shapely.contains_xy(inside.shapely(), smooth.resample(0.01).states[:, :2]).any()
 
 
-def test_no_pieces_are_against_no_one_way_zone() -> None:
-    # All that a corner is made of may be known already.
-    none = pieces_of(path_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    zone = OneWayZone(Polygon(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])), 0.0, 1.0)
-    assert one_way_respected(none, [zone]).shape == (0,)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False])
 def test_a_cars_curvature_is_continuous_but_for_stops(reverse: bool) -> None:
@@ -324,9 +309,3 @@ def test_what_cannot_be_smoothed_is_refused() -> None:
         AROUND.smooth(WORLD, ROBOT).smooth(WORLD, ROBOT)
     with pytest.raises(ConfigurationError, match="expected a car's path, got one of straight motions"):
         AROUND.smooth(WORLD, ROBOT.steered(1.0))
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, "1", None])
-def test_the_curvature_is_checked(value: Any) -> None:
-    with pytest.raises(ConfigurationError, match="max_curvature: expected more than 0, got"):
-        AROUND.smooth(WORLD, ROBOT, max_curvature=value)

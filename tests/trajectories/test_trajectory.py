@@ -92,20 +92,6 @@ def test_configurations_are_those_of_the_path(path: Path) -> None:
     assert all(se2.distance(dense, row).min() < 1e-3 for row in q)
 
 
-def test_there_is_a_row_at_each_state_of_a_cars_path() -> None:
-    fine = CAR.refined(lambda a, b: np.hypot(*(b - a)[:, :2].T) < 0.01)
-    for path in (CAR, FORWARD, fine):
-        trajectory = path.timed(1.0, 0.5, 1.0)
-        apart = np.linalg.norm(trajectory.q[:, None, :2] - path.states[None, :, :2], axis=2).min(axis=0)
-        # On straight lines there is no need of them.
-        curved = np.abs(np.diff(path.states[:, 2], append=0.0)) > 1e-9
-        assert curved.sum() > 20
-        assert apart[curved].max() < 1e-8
-        # Rows where there are some already are no rows of their own.
-        assert np.diff(trajectory.t).min() > 0.0
-        assert_within_limits(trajectory)
-
-
 @pytest.mark.parametrize("turn", [math.pi, -math.pi, np.nextafter(math.pi, 4.0), np.nextafter(-math.pi, 0.0)])
 def test_half_a_turn_goes_the_way_that_paths_go(turn: float) -> None:
     path = path_of((0.0, 0.0, 0.0), (1.0, 0.0, turn))

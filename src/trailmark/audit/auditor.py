@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
-from trailmark.arguments import one_of
-from trailmark.audit.attribution import Attribution, merged
+from trailmark.arguments import brief, one_of, real
+from trailmark.audit.attribution import Attribution, merged, merged_intervals
 from trailmark.audit.depth import Penetration, deepest, first_rise
 from trailmark.audit.one_way import wrong_ways
 from trailmark.audit.result import Collision, PathAudit, Undrivable
@@ -20,13 +22,16 @@ from trailmark.audit.verdict import colliding_parts
 from trailmark.collision import StateChecker
 from trailmark.collision.body import core_of, whole
 from trailmark.collision.least_clearance import least_clearance
-from trailmark.curves import CurvePath
-from trailmark.errors import ConfigurationError
+from trailmark.curves import CurvePath, Steering
+from trailmark.errors import ConfigurationError, FormatError, TrailmarkError
+from trailmark.formats.any_path import PathFile
 from trailmark.keep_out import keep_outs
 from trailmark.path import Path
+from trailmark.robot import TURNING_LIMIT
+from trailmark.se2 import FloatArray
 from trailmark.world import BOUNDS_LIMIT, Robot, World
 
-__all__ = ["PathAuditor", "check_path"]
+__all__ = ["PathAuditor", "check_path", "recorded_path", "repaired"]
 
 SAGITTA = 5e-8
 """Metres that a car's arc may be off its chords: near their ends, certified curves may touch."""
@@ -218,3 +223,104 @@ def _max_curvature(states: se2.FloatArray) -> float:
     if (turning & (length <= STILL)).any():
         return np.inf
     return float((2.0 * np.sin(0.5 * turned[turning]) / length[turning]).max(initial=0.0))
+
+
+# --- A path file's content as the path to audit: the curves of a car that trailmark planned for, else its states.
+
+SMALLEST_RADIUS = 1e-6
+"""Metres: who follows a smaller turning radius turns in place, and its arcs would be more than can be audited."""
+
+
+def recorded_path(found: PathFile, file: FilePath) -> Path:
+    """Return what a path file describes: a :class:`~trailmark.curves.CurvePath` if it records curves, else its states.
+
+    Curves count as long as the states beside them are theirs: who edits the states wants those.
+
+    Raises:
+        FormatError: curves that are none.
+    """
+    if found.curve is None:
+        return found.path
+    curve = found.curve if isinstance(found.curve, dict) else {}
+    kind, radius, knots, places = (curve.get(key) for key in ("kind", "turning_radius", "knots", "places"))
+    if kind not in ("dubins", "reeds-shepp"):
+        raise FormatError(file, f"curve: kind: expected dubins or reeds-shepp, got {brief(kind)}")
+    if not SMALLEST_RADIUS <= real(radius) <= TURNING_LIMIT:
+        allowed = f"expected metres from {SMALLEST_RADIUS:g} to {TURNING_LIMIT:g}"
+        raise FormatError(file, f"curve: turning radius: {allowed}, got {brief(radius)}")
+    try:
+        curves = CurvePath(knots, Steering(real(radius), reverse=kind == "reeds-shepp"), places)  # type: ignore[arg-type]  # checked
+    except TrailmarkError as error:
+        raise FormatError(file, f"curve: {error}") from None
+    same = len(curves) == len(found.path) and np.allclose(curves.states, found.path.states, rtol=0.0, atol=1e-6)
+    return curves if same else found.path
+
+
+# --- Repair: the parts of a path that are free stay as they are, those that collide are planned anew.
+
+MARGINS = (0.1, 0.5, 2.0, 8.0, np.inf)
+"""Circumradii along the path, from what collides to where the plan begins and ends: the next one if there is no way."""
+
+ROOM = 0.05
+"""Inscribed radii of clearance at a plan's ends, where the path has as much: from contact there may be no way out."""
+
+Plan = Callable[[FloatArray, FloatArray], Path | None]
+"""Returns a certified path from a start to a goal, or None if it found none."""
+
+
+def repaired(auditor: PathAuditor, audit: PathAudit, plan: Plan) -> Path | None:
+    """Return the path with its colliding parts planned anew, certified as a whole; None if no way past was found.
+
+    A plan leads from the last place before a colliding part where the robot stands free to the first one after it.
+
+    Args:
+        auditor: that the audit is by.
+        audit: of the path.
+        plan: makes the new parts.
+
+    Raises:
+        ConfigurationError: the path's start or goal collides, or is out of bounds.
+    """
+    if audit.free:
+        return audit.path
+    states, checker = np.array(audit.path.states), auditor.checker
+    checker.require_valid(states[0], "start")
+    checker.require_valid(states[-1], "goal")
+    scale = Scale(states, checker.footprint.sweep_radius)
+    broken = merged_intervals([scale.interval(collision.motions) for collision in audit.collisions])
+    room = ROOM * checker.robot.inscribed_disc.radius
+
+    def end_near(place: float, direction: float, margin: int, limit: float) -> float:
+        """Return a place that far away from what collides, or farther, with room around the robot; else the limit."""
+        for share in MARGINS[margin:]:
+            found = place + direction * share * checker.robot.circumradius
+            if direction * (limit - found) <= 0.0:
+                break
+            if checker.clearance(scale.poses(found)[0]) >= room:
+                return found
+        return limit
+
+    pieces: list[FloatArray] = []
+    resumed = 0.0
+    while broken:
+        for margin in range(len(MARGINS)):
+            begin = end_near(broken[0][0], -1.0, margin, resumed)
+            end = end_near(broken[0][1], 1.0, margin, scale.total)
+            met = 1
+            while met < len(broken) and broken[met][0] <= end:
+                end = end_near(broken[met][1], 1.0, margin, scale.total)
+                met += 1
+            a, b = scale.poses([begin, end])
+            detour = plan(a, b)
+            if detour is not None:
+                break
+        else:
+            return None
+        if begin > resumed:
+            pieces.append(scale.part(resumed, begin)[:-1])
+        pieces.append((detour.polyline(SAGITTA) if isinstance(detour, CurvePath) else detour).states)
+        resumed, broken = end, broken[met:]
+    if resumed < scale.total:
+        pieces.append(scale.part(resumed, scale.total)[1:])
+    found = Path(np.concatenate(pieces))
+    return found if auditor.audit(found).free else None

@@ -24,7 +24,7 @@ __all__ = ["known_planners", "method_settings", "read_planners", "settings_of"]
 def known_planners() -> list[str]:
     """Return the names of all planners: trailmark's, OMPL's as they are and certified, native ones where built."""
     from trailmark.ompl_bridge.planners import planner_names
-    from trailmark.planning.methods import METHODS
+    from trailmark.planning.settings import METHODS
 
     names = list(METHODS)
     for name in planner_names():
@@ -95,7 +95,7 @@ def settings_of(name: str, *, first: bool = False) -> str:
         return f"OMPL in C++, {_given(named)}; states checked by FCL in C++; motions {motions}; {made}"
     if ":" in named.base:
         return "a function of the user's own"
-    from trailmark.planning.methods import METHODS
+    from trailmark.planning.settings import METHODS
 
     if named.base in METHODS:
         chosen = ", ".join(f"{setting}={value}" for setting, value in method_settings(named).to_dict().items())
@@ -116,7 +116,7 @@ def method_settings(name: PlannerName) -> PlannerSettings:
     Raises:
         SuiteError: a setting that there is not, or a value out of range.
     """
-    from trailmark.planning.methods import METHODS
+    from trailmark.planning.settings import METHODS
 
     settings = METHODS[name.base]
     known = [field.name for field in fields(settings) if field.name not in ("placement", "without")]
@@ -136,7 +136,7 @@ def method_settings(name: PlannerName) -> PlannerSettings:
 
 def _require_parameters(name: PlannerName) -> None:
     """Raise SuiteError unless the planner has the parameters that its name gives, with such values."""
-    from trailmark.planning.methods import METHODS
+    from trailmark.planning.settings import METHODS
 
     if not name.parameters:
         return

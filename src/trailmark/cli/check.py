@@ -107,7 +107,7 @@ def check(
             console.warn(f"{file}: headings of up to {found.headings:g} are taken as radians; are they in degrees?")
 
         from trailmark.audit import PathAuditor
-        from trailmark.audit.recorded import recorded_path
+        from trailmark.audit.auditor import recorded_path
         from trailmark.collision import StateChecker
         from trailmark.errors import ConfigurationError, FormatError
 
@@ -157,7 +157,7 @@ def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:
 
 def _repaired(auditor: PathAuditor, audit: PathAudit, seed: int, limit: float) -> RobotPath | None:
     """Return the repaired path; say in one line on stderr why there is none."""
-    from trailmark.audit.repair import repaired
+    from trailmark.audit.auditor import repaired
     from trailmark.errors import ConfigurationError
     from trailmark.planning import LandmarkPlanner
 

@@ -126,9 +126,6 @@ def landmarks(
             progress.stage("choosing the number of landmarks")
             k = _count_for(checker, reach, start, headings=method == "se2", seed=number)
 
-        def follow(done: int, total: int) -> None:
-            progress.details = (f"{done:,} of {total:,} points",)
-
         executions: list[Execution] = []
         for run in range(repeats):
             progress.stage(f"execution {run + 1} of {repeats}")
@@ -139,7 +136,6 @@ def landmarks(
                     start=start,
                     sensor_range=reach,
                     grown=grown,
-                    on_progress=follow,
                 )
                 executions.append(found)
             else:
@@ -228,7 +224,7 @@ def _paths(
 ) -> list[tuple[Query, Roadmap, RobotPath | None]]:
     """Return queries with their paths over the landmarks, shape (k, 3), as far as the robot fits the queries' ends."""
     from trailmark.errors import ConfigurationError, WorldError
-    from trailmark.planning.published import path_over_landmarks
+    from trailmark.planning.placement import path_over_landmarks
 
     found: list[tuple[Query, Roadmap, RobotPath | None]] = []
     for query in queries:

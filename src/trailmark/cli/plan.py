@@ -16,7 +16,6 @@ import typer
 
 from trailmark.cli import console
 from trailmark.cli.ends import EndOptions, GoalOption, GoalToleranceOption, StartOption
-from trailmark.cli.map_settings import read_probability
 from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
@@ -32,7 +31,6 @@ from trailmark.cli.options import (
     SeedOption,
     TimeLimitOption,
     TurningRadiusOption,
-    UsageError,
     WorldArgument,
     grown_for,
     load_world,
@@ -76,7 +74,7 @@ from trailmark.cli.plan_trajectory import (
 
 if TYPE_CHECKING:
     from trailmark.path import Path as TrailPath
-    from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
+    from trailmark.planning import PlanProgress, PlanResult
     from trailmark.world import Robot, World
 
 __all__ = ["plan"]
@@ -115,15 +113,6 @@ def plan(
             "--max-iterations",
             "N",
             "Rounds of landmarks at most; with a generous time limit the seed alone then decides the path.",
-        ),
-    ] = None,
-    confidence: Annotated[
-        str | None,
-        option(
-            "--confidence",
-            "P",
-            "In a world with estimates: the path meets none of the true obstacles with probability P; what may be "
-            "risked is spent along this path.",
         ),
     ] = None,
     settings: Annotated[
@@ -165,7 +154,6 @@ def plan(
     number = read_count(seed, "--seed", 0)
     count = None if landmarks is None else read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
     rounds = None if max_iterations is None else read_count(max_iterations, "--max-iterations", 1)
-    probability = None if confidence is None else read_probability(confidence, "--confidence")
     share = read_number(gap, "--gap", "a finite number of 0 or more", low=0.0)
     margin = read_clearance(clearance, relax)
     given = read_robot(robot)
@@ -185,8 +173,6 @@ def plan(
     )
     charges = read_objective(objective, timing, reverse_cost, direction_change_cost)
     outputs = (path_file, picture, timing.table, timing.animation)
-    if smooth and probability is not None:
-        raise UsageError(f"expected --smooth or --confidence, got both (--confidence {confidence!r})")
     shown, asked = read_layers(layers, plot), Event()
 
     with console.progress("loading") as progress:
@@ -194,8 +180,7 @@ def plan(
         loaded = with_masks(load_world(world), keepout, speed_mask, timing.limits[0])
         protect_inputs((*loaded.sources, *robot_file(robot)), *outputs)
         body = steered(robot_of(loaded, given), radius, forward_only, drive)
-        if probability is None:
-            loaded = grown_for(loaded, body)
+        loaded = grown_for(loaded, body)
         name, a, b = given_ends.ends(loaded)
         loading = time.perf_counter() - begun
 
@@ -211,38 +196,26 @@ def plan(
             cost = "no path yet" if state.cost is None else f"cost {state.cost:.4g}"
             progress.details = (f"{state.landmarks:,} landmarks", cost)
 
-        def solve(world: World, seconds: float) -> tuple[LandmarkPlanner, PlanResult]:
-            progress.stage("preparing (compiles on first use)")
-            planner = LandmarkPlanner(
-                world,
-                body,
-                seed=number,
-                landmarks=count,
-                clearance=margin,
-                relax=relax,
-                settings=chosen,
-                objective=charges(body),
+        progress.stage("preparing (compiles on first use)")
+        planner = LandmarkPlanner(
+            loaded,
+            body,
+            seed=number,
+            landmarks=count,
+            clearance=margin,
+            relax=relax,
+            settings=chosen,
+            objective=charges(body),
+        )
+        progress.stage("planning", limit)
+        with _stopping(asked):
+            result = planner.plan(
+                a, b, time_limit=limit, on_progress=follow, max_iterations=rounds, gap=share, stop=asked.is_set
             )
-            progress.stage("planning", seconds)
-            with _stopping(asked):
-                result = planner.plan(
-                    a, b, time_limit=seconds, on_progress=follow, max_iterations=rounds, gap=share, stop=asked.is_set
-                )
-            return planner, result
 
-        risk: dict[str, Any] | None = None
-        if probability is None:
-            planner, result = solve(loaded, limit)
-        else:
-            from trailmark.cli.plan_at_confidence import plan_at_confidence
-
-            answer = plan_at_confidence(loaded, body, probability, solve, limit, number)
-            loaded, planner, result, risk = answer
-
-        extras: dict[str, Any] = {} if risk is None else {"risk": risk}
+        extras: dict[str, Any] = {}
         if smooth:
-            result, found = smoothed(result, loaded, body)
-            extras |= found
+            result, extras = smoothed(result, loaded, body)
         record = result.to_dict(world=loaded.name, query=name) | extras
         record["settings"] = chosen.to_dict()
         record["time"]["load"] = loading
@@ -329,10 +302,6 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
             ("clearance", f"{record['min_clearance']:.4f} m at its least{_kept(result)}"),
             ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
         ]
-    if record.get("risk", {}).get("upper_bound") is not None:
-        risk = record["risk"]
-        bound, allowed = f"{risk['upper_bound']:.2g}", f"{1.0 - risk['confidence']:.2g}"
-        rows.append(("risk", f"meets a true obstacle with probability {bound} at most, {allowed} allowed"))
     rows += [
         ("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges"),
         ("time", f"{seconds['total']:.3f} s (load {seconds['load']:.3f}, build {seconds['build']:.3f})"),

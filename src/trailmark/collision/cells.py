@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.collision.edits import Window, replace_items, spread_rows, update_field, window_of
+from trailmark.collision.edits import Blocks, Window, replace_items, spread_rows, update_field, window_of
 from trailmark.collision.field import ClearanceField, field_of, occupied_cells, vertical_steps
-from trailmark.collision.memory import Blocks
 from trailmark.collision.obstacles import (
     ObstacleGrid,
     add_winding,

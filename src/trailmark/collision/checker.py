@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from math import cos, sin
-from typing import Any, Literal, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.arguments import brief, number, one_of
+from trailmark.arguments import number, one_of
 from trailmark.collision import certify, kernels
 from trailmark.collision.cells import Cells
 from trailmark.collision.explain import invalid_reason, worst_overlap
@@ -44,13 +44,11 @@ class StateChecker:
     the above then holds of its footprint dilated by as much.
 
     The clearance field decides what it can prove, exact distances in compiled code decide most of the rest, and FCL
-    decides what lies within 3e-7 m of touching. With ``exact="fcl"``, FCL decides all that the field leaves open: the
-    same answers, more slowly, as a reference.
+    decides what lies within 3e-7 m of touching.
 
     Args:
         world: obstacles, bounds, boundary.
         robot: footprint; the world's own robot if None.
-        exact: which of the two decides where the field cannot.
         clearance: metres that the robot keeps from obstacles, bounds and boundary; the robot's own if None.
         cell: edge of the field's cells in metres; by default a tenth of the robot's inscribed diameter, larger
             where that would take more than 2^18 cells (2^20 where cells would be larger than the robot).
@@ -65,7 +63,6 @@ class StateChecker:
         world: World,
         robot: Robot | None = None,
         *,
-        exact: Literal["kernel", "fcl"] = "kernel",
         clearance: float | None = None,
         cell: float | None = None,
     ) -> None:
@@ -79,12 +76,9 @@ class StateChecker:
         if clearance is not None:
             chosen = chosen.keeping(clearance)
         _require_covered(world, chosen)
-        if not isinstance(exact, str) or exact not in ("kernel", "fcl"):
-            raise WorldError(f"exact: expected 'kernel' or 'fcl', got {brief(exact)}")
         if cell is not None:
             cell = number(cell, "cell:", above=0.0, unit="m", error=WorldError)
         self.robot: Robot = chosen
-        self.exact = exact
         self.cell = cell
         self._build(with_keep_outs(world))
         self.footprint: Footprint = build_footprint(chosen)
@@ -190,10 +184,7 @@ class StateChecker:
         states = se2.configurations(q)
         cap = number(cap, "clearance: cap", minimum=0.0, infinite=True)
         rows = np.atleast_2d(states)
-        if self.exact == "fcl":
-            found = np.minimum([self.scene.clearance(row) for row in rows], cap)
-        else:
-            found = kernels.clearances(self.grid, self.field, self.bare_footprint, rows, float(cap))
+        found = kernels.clearances(self.grid, self.field, self.bare_footprint, rows, float(cap))
         return found if states.ndim == 2 else float(found[0])
 
     def motions_valid(self, a: ArrayLike, b: ArrayLike) -> NDArray[np.bool_]:
@@ -227,8 +218,6 @@ class StateChecker:
 
     def motions_free(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
         """Return what :meth:`motions_between_valid` does, for arrays (n, 3) that are not checked."""
-        if self.exact == "fcl":
-            return self._motions_by_fcl(a, b)
         # Copies: read-only arrays would be another type to the kernels, and compiled for anew.
         answer = certify.motions_certified(self.grid, self.field, self.footprint, np.array(a), np.array(b), True)
         return np.asarray(answer == kernels.FREE)
@@ -306,53 +295,14 @@ class StateChecker:
             )
 
     def __repr__(self) -> str:
-        return f"StateChecker({self.robot.describe()} in world {self.world.name!r}, exact {self.exact!r})"
+        return f"StateChecker({self.robot.describe()} in world {self.world.name!r})"
 
     def states_free(self, q: se2.FloatArray) -> NDArray[np.bool_]:
         """Return which configurations are valid, shape (n,): :meth:`valid` for an array (n, 3) that is not checked."""
-        if self.exact == "fcl":
-            answer = kernels.field_states(self.field, self.footprint, q)
-        else:
-            answer = kernels.states_free(self.grid, self.field, self.footprint, q)
+        answer = kernels.states_free(self.grid, self.field, self.footprint, q)
         for i in np.flatnonzero(answer == kernels.UNDECIDED):
             answer[i] = kernels.BLOCKED if self.scene.collides(q[i]) else kernels.FREE
         return np.asarray(answer == kernels.FREE)
-
-    def _motions_by_fcl(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
-        answer = self.motions_by_field(a, b)
-        for i in np.flatnonzero(answer == kernels.UNDECIDED):
-            answer[i] = kernels.FREE if self._motion_by_fcl(a[i], b[i]) else kernels.BLOCKED
-        return np.asarray(answer == kernels.FREE)
-
-    def _motion_by_fcl(self, a: se2.FloatArray, b: se2.FloatArray) -> bool:
-        """Certify one motion by FCL distances, from its middle outwards; ends are known to be valid."""
-        bound = float(se2.motion_bound(a, b, self.footprint.sweep_radius))
-        gaps = [(0.0, 1.0)] if bound > 0.0 else []
-        open_end, rim = certify.end_gap(self.footprint), self.footprint.rim
-        for _ in range(certify.BUDGET):
-            if not gaps:
-                return True
-            low, high = gaps.pop(0)
-            touching = min(high, 1.0 - low) * bound <= open_end
-            if touching and (low == 0.0 or high == 1.0) and (high - low) * bound <= certify.AT_END * rim:
-                continue
-            middle = 0.5 * (low + high)
-            need = 0.5 * (high - low) * bound + kernels.ROUNDING
-            d = self.scene.clearance(se2.interpolate(a, b, middle)) - self.robot.clearance
-            if d >= need:
-                continue
-            if d < certify.CONTACT:
-                near_end = min(middle, 1.0 - middle) * bound < certify.END_ZONE
-                if d <= (0.0 if touching else kernels.ROUNDING) or not near_end:
-                    return False
-            reach = d - kernels.ROUNDING
-            if touching:
-                reach = d + certify.WITHIN_RIM * rim
-                if reach >= 0.5 * (high - low) * bound:
-                    continue
-            reach /= bound
-            gaps += [(low, middle - reach), (middle + reach, high)]
-        return False
 
 
 def _require_covered(world: World, robot: Robot) -> None:

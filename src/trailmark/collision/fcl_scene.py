@@ -114,38 +114,20 @@ class FclScene:
             self._robot.setTransform(_transform(q))
             return any(self._too_near(place) for place in near.tolist())
 
-    def clearance(self, q: FloatArray) -> float:
-        """Return the distance (metres) of the robot at q to all that blocks it; 0 on overlap or outside."""
-        box = _placed_box(self._outline, self._radius, float(q[0]), float(q[1]), float(q[2]))
-        clearance = -self._beyond_bounds(box)
-        if clearance <= 0.0:
-            return 0.0
-        gaps = _gaps(self._boxes, *box)
-        with self._turns:
-            self._robot.setTransform(_transform(q))
-            while len(gaps) > 0:
-                # Nearest boxes first: few of the others come into question then.
-                place = int(gaps.argmin())
-                if gaps[place] >= clearance:
-                    break
-                clearance = self._distance(place, gaps[place], clearance)
-                gaps[place] = math.inf
-        return max(0.0, clearance)
-
     def _too_near(self, place: int) -> bool:
         """Return whether the robot, as it stands, overlaps an obstacle or does not keep its clearance from it."""
         if _overlap(self._robot_eroded, self._object(place)):
             return True
         needed = self._kept - TOUCHING_TOLERANCE
-        return needed > 0.0 and self._distance(place, 0.0, math.inf) < needed
+        return needed > 0.0 and self._distance(place) < needed
 
-    def _distance(self, place: int, gap: float, clearance: float) -> float:
-        """Return the distance (metres) of the robot, as it stands, to an obstacle, or ``clearance`` if that is less."""
+    def _distance(self, place: int) -> float:
+        """Return the distance (metres) of the robot, as it stands, to an obstacle; 0 if they overlap."""
         obstacle = self._object(place)
         # The distance of a sphere and a mesh is an undefined value when they overlap: so collisions are checked first.
-        if gap <= 0.0 and _overlap(self._robot, obstacle):
+        if _overlap(self._robot, obstacle):
             return 0.0
-        return min(clearance, float(fcl.distance(self._robot, obstacle, fcl.DistanceRequest(), fcl.DistanceResult())))
+        return float(fcl.distance(self._robot, obstacle, fcl.DistanceRequest(), fcl.DistanceResult()))
 
     def _object(self, place: int) -> Any:
         """Return an obstacle's collision object, made when it is first needed."""
@@ -171,22 +153,6 @@ def _placed_box(outline: FloatArray, radius: float, x: float, y: float, theta: f
         xmin, xmax = min(xmin, ax), max(xmax, ax)
         ymin, ymax = min(ymin, ay), max(ymax, ay)
     return xmin - radius, ymin - radius, xmax + radius, ymax + radius
-
-
-@njit(cache=True)
-def _gaps(boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: float) -> FloatArray:
-    """Return lower bounds on the distances (metres) of boxes, shape (4, n), from a box: 0 or less if they may meet."""
-    gaps = np.empty(boxes.shape[1])
-    for k in range(len(gaps)):
-        # Without min and max, whose care for NaN takes ten times as long.
-        left, right = boxes[0, k] - xmax, xmin - boxes[2, k]
-        low, high = boxes[1, k] - ymax, ymin - boxes[3, k]
-        across = left if left > right else right
-        along = low if low > high else high
-        across = across if across > 0.0 else 0.0
-        along = along if along > 0.0 else 0.0
-        gaps[k] = math.sqrt(across * across + along * along) - TOUCHING_TOLERANCE
-    return gaps
 
 
 @njit(cache=True)

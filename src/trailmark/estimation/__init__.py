@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from trailmark.estimation.risk.allocation import regrow as regrow
     from trailmark.estimation.risk.growth import grow as grow
     from trailmark.estimation.risk.path_risk import path_risk as path_risk
-    from trailmark.estimation.risk.spending import spend_risk as spend_risk
     from trailmark.estimation.scans.scan_settings import ScanSettings as ScanSettings
     from trailmark.estimation.simulation.readings import RefinedPoint as RefinedPoint
     from trailmark.estimation.simulation.readings import refine_point as refine_point
@@ -77,7 +76,6 @@ _NAMES = {
     "maps.scan_map": "ScanMap map_scans",
     "risk.allocation": "grown_world refined regrow",
     "risk.path_risk": "path_risk",
-    "risk.spending": "spend_risk",
     "risk.growth": "grow",
     "scans.scan_settings": "ScanSettings",
     "simulation.readings": "RefinedPoint refine_point refine_points sense_obstacles",

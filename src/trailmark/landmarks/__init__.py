@@ -2,7 +2,6 @@
 
 from trailmark.landmarks.enclosed import enclosed_cells, enclosed_points
 from trailmark.landmarks.kmeans import k_means_landmarks
-from trailmark.landmarks.mini_batches import mini_batch_clusters
 from trailmark.landmarks.paper import Clusters, PaperLandmarks, algorithm_1, algorithm_2
 from trailmark.landmarks.relaxation import Relaxation
 from trailmark.landmarks.repair import Repair, repair_centres
@@ -23,7 +22,6 @@ __all__ = [
     "free_samples",
     "k_means_landmarks",
     "matched_distances",
-    "mini_batch_clusters",
     "repair_centres",
     "spread_of_runs",
 ]

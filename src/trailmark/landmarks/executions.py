@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from time import perf_counter
 from typing import NamedTuple
@@ -86,7 +85,6 @@ def execute_paper(
     sensor: RangeBearing | None = None,
     sensor_range: float = SENSOR_RANGE,
     grown: bool = False,
-    on_progress: Callable[[int, int], None] | None = None,
 ) -> Execution:
     """Return one execution of Algorithm 2 in the checker's world; the rectangle is the world's bounds.
 
@@ -105,7 +103,6 @@ def execute_paper(
         sensor_range: metres.
         grown: grow the obstacles' boxes by the radius of the robot's largest inscribed disc, so that points at which it
             can stand at no heading are not clustered.
-        on_progress: see :func:`~trailmark.landmarks.paper.algorithm_2`.
 
     Raises:
         ConfigurationError: an argument out of range, fewer valid points than k, no place for the robot.
@@ -116,9 +113,7 @@ def execute_paper(
     margin = checker.robot.inscribed_disc.radius if grown else 0.0
     _load()
     begin = perf_counter()
-    found = algorithm_2(
-        readings, checker.world.bounds, n, k, init, rng, robot=robot, margin=margin, on_progress=on_progress
-    )
+    found = algorithm_2(readings, checker.world.bounds, n, k, init, rng, robot=robot, margin=margin)
     seconds = perf_counter() - begin
     repair = repair_centres(checker, found.centres, found.samples[~found.forbidden])
     return Execution(*found, repair.in_obstacle, repair.invalid, repair.configurations, seconds)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +12,12 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks.sampling import RandomState, generator
-from trailmark.landmarks.threads import one_thread
 from trailmark.nearest import nearest_to
 
-__all__ = ["farthest_samples", "k_means_landmarks", "lloyd"]
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+__all__ = ["farthest_samples", "k_means_landmarks", "lloyd", "one_thread"]
 
 FloatArray = NDArray[np.float64]
 
@@ -103,3 +107,23 @@ def _converged(points: FloatArray, first: FloatArray) -> FloatArray:
         warnings.simplefilter("ignore", ConvergenceWarning)
         k_means = KMeans(len(first), init=first, n_init=1, max_iter=300, tol=0.0, algorithm="lloyd").fit(points)
     return np.asarray(k_means.cluster_centers_)
+
+
+# --- One thread for scikit-learn, so that the same seed gives the same centres.
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Return a context in which scikit-learn computes in one thread.
+
+    With more threads its sums are rounded in an order that changes from run to run.
+    """
+    context: AbstractContextManager[object] = _thread_pools().limit(limits=1)
+    return context
+
+
+@lru_cache(maxsize=1)
+def _thread_pools() -> Any:
+    import sklearn.cluster  # noqa: F401  # loads the thread pools that the controller then finds
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

@@ -48,13 +48,11 @@ class PackedChecker(NamedTuple):
         checker: the checker.
         address: of the array that names all others (:func:`unpacked`).
         memory: the arrays, kept alive.
-        by_fcl: whether FCL decides where the field cannot.
     """
 
     checker: StateChecker
     address: int
     memory: list[NDArray[Any]]
-    by_fcl: bool
 
 
 class PointwiseChecker:
@@ -114,11 +112,7 @@ class PointwiseChecker:
 
     def clearance(self, x: float, y: float, theta: float) -> float:
         """Return the distance (metres) to the nearest obstacle or bound, beyond the clearance that the robot keeps."""
-        packed = self.packed
-        if packed.by_fcl:
-            found = packed.checker.clearance((x, y, theta)) if is_configuration(x, y, theta) else 0.0
-            return max(0.0, found - packed.checker.robot.clearance)
-        return float(_clearance(packed.address, x, y, theta))
+        return float(_clearance(self.packed.address, x, y, theta))
 
     def motion_valid(self, a: Configuration, b: Configuration) -> bool:
         """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
@@ -127,7 +121,7 @@ class PointwiseChecker:
     def step_valid(self, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
         """Return whether b is valid and the motion from a, known to be valid, to b is certified."""
         packed = self.packed
-        if not packed.by_fcl and self.steering is None:
+        if self.steering is None:
             answer = _step(packed.address, ax, ay, at, bx, by, bt)
             if answer != kernels.UNDECIDED:
                 return bool(answer == kernels.FREE)
@@ -136,16 +130,10 @@ class PointwiseChecker:
     def _motion_valid(self, packed: PackedChecker, a: Configuration, b: Configuration) -> bool:
         if self.steering is not None:
             return bool(_curve(packed.address, *a, *b, self.steering.radius, self.steering.reverse))
-        if packed.by_fcl:
-            if not (is_configuration(*a) and is_configuration(*b)):
-                return False
-            return bool(packed.checker.motions_between_valid(np.array([a]), np.array([b]))[0])
         return bool(_straight(packed.address, *a, *b) == kernels.FREE)
 
 
 def _state_valid(packed: PackedChecker, x: float, y: float, theta: float) -> bool:
-    if packed.by_fcl:
-        return is_configuration(x, y, theta) and bool(packed.checker.valid((x, y, theta)))
     answer = _valid(packed.address, x, y, theta)
     if answer == kernels.UNDECIDED:
         return not packed.checker.scene.collides(np.array([x, y, theta]))
@@ -159,7 +147,7 @@ def _packed(checker: StateChecker, scratch: list[FloatArray]) -> PackedChecker:
     rows = [(array.ctypes.data, *array.shape, 1)[:3] for array in arrays]
     memory = [len(scratch[0]), *(array.ctypes.data for array in (*scratch, numbers))]
     places = np.array([*np.ravel(rows), checker.grid.columns, checker.grid.rows, *memory], dtype=np.int64)
-    return PackedChecker(checker, places.ctypes.data, [*arrays, numbers, places], checker.exact == "fcl")
+    return PackedChecker(checker, places.ctypes.data, [*arrays, numbers, places])
 
 
 def _arrays(checker: StateChecker) -> list[NDArray[Any]]:

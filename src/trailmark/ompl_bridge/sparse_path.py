@@ -18,7 +18,7 @@ from trailmark.collision.certify import BUDGET
 from trailmark.heading import turn, wrapped
 from trailmark.motion import StraightMotion
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.planning.needless import without_needless
+from trailmark.planning.shortening import without_needless
 
 __all__ = ["sparse_path"]
 

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from trailmark.motion import TranslationMotion
-from trailmark.planning.proofs.bound import CUTTING, region_work
+from trailmark.planning.proofs.bound import CUTTING, SLOWER, region_work
 from trailmark.planning.proofs.mesh import triangulated
 from trailmark.planning.proofs.polyanya import shortest_point_path
 from trailmark.planning.proofs.prover import Prover
@@ -76,7 +76,7 @@ def disc_path(
         return np.empty((0, 2))
     for part in shapely.get_parts(region):
         if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
-            if CUTTING.seconds(region_work(int(shapely.get_num_coordinates(part)))) > seconds_left():
+            if SLOWER * CUTTING * region_work(int(shapely.get_num_coordinates(part))) > seconds_left():
                 break
             mesh = triangulated(part)
             length, path = (np.inf, np.empty((0, 2))) if mesh is None else shortest_point_path(mesh, start, goal)

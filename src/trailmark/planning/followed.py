@@ -11,7 +11,7 @@ from trailmark import se2
 from trailmark.curves import CurvePath
 from trailmark.motion import Motion
 from trailmark.path import Path
-from trailmark.roadmap.reach import edges_near
+from trailmark.roadmap.search import edges_near
 from trailmark.se2 import FloatArray
 
 __all__ = ["FollowedPath", "located", "vertices_of"]

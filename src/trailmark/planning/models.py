@@ -90,9 +90,7 @@ class WorldModels:
             model = self._standing
             if model is None:
                 full = self._full
-                checker = StateChecker(
-                    self._stands, full.checker.robot, exact=full.checker.exact, cell=full.checker.cell
-                )
+                checker = StateChecker(self._stands, full.checker.robot, cell=full.checker.cell)
                 model = WorldModel(
                     checker, np.random.default_rng(full.seed), full.seed, full.settings, 0, full.objective
                 )

@@ -20,13 +20,12 @@ from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.objective import Objective
 from trailmark.path import Path
-from trailmark.planning.many_queries import answer_queries, ends_of
+from trailmark.planning.batch import answer_queries, ends_of
 from trailmark.planning.models import WorldModels
 from trailmark.planning.proofs import AnyBound
 from trailmark.planning.query import OnProgress
 from trailmark.planning.relaxed_clearance import answer_in_turn
-from trailmark.planning.replan_goals import replan_to
-from trailmark.planning.replan_query import ReplanOptions
+from trailmark.planning.replan_query import ReplanOptions, replan_to
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.single_query import GAP

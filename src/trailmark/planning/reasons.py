@@ -5,19 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from time import perf_counter
-from typing import Any
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.collision.certify import CONTACT, END_ZONE
+from trailmark.collision.explain import overlaps
 from trailmark.goals import Ends, Goal, goals_of
-from trailmark.planning.reach import Ways, narrow_clause, reach
+from trailmark.planning.proofs.enclosure import Enclosure, enclosure
+from trailmark.planning.proofs.region import MARGIN, local_origin, region_parts
 from trailmark.planning.result import PlanResult
 from trailmark.planning.world_model import WorldModel, zones_at
-from trailmark.se2 import FloatArray
+from trailmark.se2 import FloatArray, transform
+from trailmark.shapes import Disc
+from trailmark.world import Robot
 
-__all__ = ["explained"]
+__all__ = ["ENDS", "Reach", "Ways", "explained", "reach"]
 
 SHARE, BEYOND, LEAST = 0.2, 0.05, 0.02
 """Of the time limit: for saying why at most, and of that beyond the limit, or so many seconds if that is more."""
@@ -142,3 +149,225 @@ def _free_end(model: WorldModel, start: FloatArray, goal: Goal, deadline: float)
     if free.any():
         return True, np.array(states[np.argmax(free)])
     return False, model.checker.nearest_to_valid(states, lambda: perf_counter() > deadline)
+
+
+# --- What the robot reaches from an end of a query: where it is shut in, and where the widest way is and how wide.
+
+FEWEST, HALVINGS = 5, 12
+"""Steps in which the width of the widest way is found, at least and at most."""
+
+SAME_WIDTH = 1e-5
+"""Metres: widths that differ by no more are the same, in contact with both sides no motion being certified."""
+
+ENDS: Final = ("start", "goal")
+
+
+class Reach(NamedTuple):
+    """What is reached from an end of a query.
+
+    Attributes:
+        end: 0 if that is the start, 1 if it is the goal.
+        proof: of that there is no path: by the disc inside the robot, by the robot's headings, or none.
+        why: a clause that says so; empty if nothing is known to shut the robot in.
+        part: where the disc's centre can be (shapely), relative to ``origin``; None where headings prove it.
+        origin: shape (2,).
+        gap: x, y and radius (metres) of the largest disc that gets to the other end, where it is narrowest; None if
+            none does, or there was no time.
+        cells: that hold what the robot reaches, where headings prove it.
+    """
+
+    end: int
+    proof: Literal["disc", "headings"] | None
+    why: str
+    part: Any
+    origin: FloatArray
+    gap: list[float] | None = None
+    cells: Enclosure | None = None
+
+
+class Ways:
+    """The ways of discs, of whatever radius, between where the centre of a robot's inscribed disc is at two ends.
+
+    Args:
+        checker: the world and the robot.
+        start: configuration, shape (3,).
+        goal: configuration, shape (3,).
+        over: whether time is up.
+    """
+
+    def __init__(
+        self, checker: StateChecker, start: FloatArray, goal: FloatArray, over: Callable[[], bool] = lambda: False
+    ) -> None:
+        self.checker, self.world, self.over = checker, checker.world, over
+        disc = checker.robot.inscribed_disc
+        self.radius, self.origin = disc.radius, local_origin(self.world)
+        centers = [transform(np.asarray(q), np.asarray(disc.center)[None])[0] for q in (start, goal)]
+        self._centers = [shapely.Point(center - self.origin) for center in centers]
+
+    def parts(self, radius: float) -> list[Any]:
+        """Return the polygons from which a disc's centre gets from each end, the same twice if there is a way.
+
+        By rounding, or because the disc is larger than the robot's, an end may lie outside: the nearest counts. The
+        list is empty if the disc fits nowhere.
+        """
+        parts = region_parts(self.world, radius, origin=self.origin)
+        if len(parts) == 0:
+            return []
+        return [parts[int(np.argmin(shapely.distance(parts, center)))] for center in self._centers]
+
+    def joined(self, radius: float) -> bool:
+        """Return whether a disc of a radius (metres) gets from one end to the other."""
+        found = self.parts(radius)
+        return len(found) == 2 and found[0] is found[1]
+
+    def widest(self, low: float, high: float) -> list[float] | None:
+        """Return x, y and radius of the largest disc that gets from one end to the other, where it is narrowest.
+
+        Of discs a little larger, what can be reached from the one and from the other nearly meets there. Nothing is in
+        the list if no disc gets there; None is returned if time was up too soon to tell.
+
+        Args:
+            low: radius of a disc that gets there, metres; 0 if none is known.
+            high: radius of one that does not.
+        """
+        apart = list[Any]()
+        for halving in range(HALVINGS):
+            if self.over():
+                if halving < FEWEST:
+                    return None
+                break
+            size = 0.5 * (low + high)
+            found = self.parts(size)
+            if found and found[0] is found[1]:
+                low = size
+            else:
+                high, apart = size, found
+        apart = apart or self.parts(high)
+        if low == 0.0 or not apart:
+            return []
+        return [round(float(v), 4) for v in (*self._between(apart), low)]
+
+    def touching(self) -> str:
+        """Return a clause that says where the robot fits only in contact with both sides; empty if it may be nowhere.
+
+        No motion along which it touches is certified, for more than 1 mm from its ends.
+        """
+        half = 0.5 * narrowest_width(self.checker.robot)
+        # A disc larger by what motions must keep.
+        found = self.parts(half + MARGIN + CONTACT)
+        if half - self.radius < SAME_WIDTH:
+            away = [shapely.distance(*pair) for pair in zip(found, self._centers, strict=bool(found))]
+            for end, distance in enumerate(away or (np.inf, np.inf)):
+                if distance > END_ZONE:
+                    return f"the robot fits only in contact at the {ENDS[end]}"
+        if not found or found[0] is found[1]:
+            return ""
+        place = self._between(found)
+        width = 2.0 * self._room(place)
+        if abs(width - 2.0 * half) > SAME_WIDTH or not self.joined(half):
+            return ""
+        return (
+            f"the robot fits only in contact: the widest way to the goal is {width:.6g} m wide {_at(place)}, and it "
+            f"needs {2.0 * half:.6g} m{_kept(self.checker.robot)}; motions that touch both sides are not certified"
+        )
+
+    def _between(self, apart: list[Any]) -> FloatArray:
+        """Return the place, shape (2,), where two polygons are nearest to each other."""
+        return np.asarray(shapely.get_coordinates(shapely.shortest_line(*apart)).mean(axis=0) + self.origin)
+
+    def _room(self, place: FloatArray) -> float:
+        """Return how far (metres) a place, shape (2,), is from what is nearest."""
+        xmin, ymin, xmax, ymax = self.world.bounds
+        x, y = place.tolist()
+        # Of a disc that reaches everything that may be nearest.
+        radius = 2.0 * self.checker.robot.circumradius
+        depths = overlaps(self.world, Robot.disc(radius), np.array([x, y, 0.0]))
+        gaps = [x - xmin, xmax - x, y - ymin, ymax - y, *(radius - depths)]
+        if self.world.boundary is not None:
+            gaps.append(float(shapely.distance(self.world.boundary.shapely().exterior, shapely.Point(x, y))))
+        return float(min(gaps))
+
+
+def reach(
+    checker: StateChecker,
+    start: FloatArray,
+    goal: FloatArray,
+    *,
+    infeasible: bool,
+    over: Callable[[], bool],
+    seconds: float,
+) -> Reach:
+    """Return what the disc inside the robot reaches from an end, or, if only headings prove it, what the robot does.
+
+    Args:
+        checker: the world and the robot.
+        start: valid, shape (3,).
+        goal: valid, shape (3,).
+        infeasible: whether it is proven that there is no path; by which headings is found anew.
+        over: asked whether to give up looking for that, or for the narrowest place.
+        seconds: for a proof, at most.
+    """
+    ways = Ways(checker, start, goal, over)
+    parts = ways.parts(ways.radius)
+    if not parts:
+        return Reach(0, None, "", None, ways.origin)
+    if parts[0] is not parts[1]:
+        end = int(np.argmin(shapely.area(parts)))
+        gap = ways.widest(0.0, ways.radius)
+        return Reach(end, "disc", _disc_clause(end, gap, ways), parts[end], ways.origin, gap or None)
+    proof = enclosure(checker, start, goal, seconds=seconds, stop=over) if infeasible else None
+    if proof is None:
+        return Reach(0, None, "", parts[0], ways.origin)
+    why = (
+        f"shut in at the {ENDS[proof.end]}: a disc inside the robot would get out, the robot does not, at any heading"
+        f"{narrow_clause(ways)}"
+    )
+    return Reach(proof.end, "headings", why, None, ways.origin, cells=proof)
+
+
+def narrow_clause(ways: Ways) -> str:
+    """Return what to add where the widest way is less wide than the robot at its narrowest; empty if it is not."""
+    width = narrowest_width(ways.checker.robot)
+    if width - 2.0 * ways.radius < SAME_WIDTH or ways.over() or ways.joined(0.5 * width):
+        return ""
+    gap = ways.widest(ways.radius, 0.5 * width)
+    if not gap:
+        return ""
+    return (
+        f"; the widest way lets a disc of about {2.0 * gap[2]:.2f} m through {_at(gap)}, and the robot is "
+        f"{width:.2f} m wide where it is narrowest{_kept(ways.checker.robot)}"
+    )
+
+
+def narrowest_width(robot: Robot) -> float:
+    """Return the width (metres) of the narrowest strip that holds a robot, with its clearance.
+
+    For one that is not convex, which may wind through narrower places, that of its inscribed disc.
+    """
+    outline = robot.outline
+    hull = shapely.convex_hull(outline.shapely())
+    if isinstance(robot.footprint, Disc) or hull.area > (1.0 + 1e-9) * outline.shapely().area:
+        return 2.0 * robot.inscribed_disc.radius
+    points = shapely.get_coordinates(hull)
+    along = np.diff(points, axis=0)
+    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    return float(np.ptp(points @ normals.T, axis=0).min()) + 2.0 * robot.clearance
+
+
+def _disc_clause(end: int, gap: list[float] | None, ways: Ways) -> str:
+    if gap is None:
+        return f"shut in at the {ENDS[end]}: a disc inside the robot does not get out"
+    if not gap:
+        return f"shut in at the {ENDS[end]}: obstacles close every way to the {ENDS[1 - end]}"
+    return (
+        f"shut in at the {ENDS[end]}: the widest way to the {ENDS[1 - end]} lets a disc of about {2.0 * gap[2]:.2f} m "
+        f"through {_at(gap)}, and the robot holds one of {2.0 * ways.radius:.2f} m{_kept(ways.checker.robot)}"
+    )
+
+
+def _at(place: FloatArray | list[float]) -> str:
+    return f"at ({place[0]:.2f}, {place[1]:.2f})"
+
+
+def _kept(robot: Robot) -> str:
+    return ", with the clearance that it keeps" if robot.clearance > 0.0 else ""

@@ -29,7 +29,7 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["MIN_SECONDS", "ReplanOptions", "Replanner", "as_replan"]
 
-LEVELS, NEAR_LEVELS = 5, 2
+LEVELS, NEAR_LEVELS = 3, 2
 """Lattices that a path is sought on before the whole query is planned anew, and for a way around close by."""
 
 PLACES = 32

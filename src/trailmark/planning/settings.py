@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from trailmark.arguments import each_of, number, one_of, whole
 from trailmark.errors import ConfigurationError, FormatError, expected_name
-from trailmark.planning.mechanisms import MECHANISMS, PLACEMENTS, Placement
 
-__all__ = ["PlannerSettings"]
+__all__ = ["MECHANISMS", "METHODS", "PLACEMENTS", "Placement", "PlannerSettings"]
 
 
 def _counted(default: int, unit: str) -> int:
@@ -70,7 +69,7 @@ class PlannerSettings:
         space_time_nodes: places and times from which it is looked on, at most.
         placement: what landmarks are: ``k-means`` centres, as many plain ``samples``, those of the source method as
             published (``paper``), or ``none``.
-        without: names of mechanisms (:data:`trailmark.planning.mechanisms.MECHANISMS`) that are switched off, to see
+        without: names of mechanisms (:data:`trailmark.planning.settings.MECHANISMS`) that are switched off, to see
             what each is good for.
     """
 
@@ -125,7 +124,7 @@ class PlannerSettings:
             _require_name(mechanism, "without:", MECHANISMS)
 
     def uses(self, mechanism: str) -> bool:
-        """Return whether a mechanism, one of :data:`~trailmark.planning.mechanisms.MECHANISMS`, is not switched off."""
+        """Return whether a mechanism, one of :data:`~trailmark.planning.settings.MECHANISMS`, is not switched off."""
         return mechanism not in self.without
 
     @classmethod
@@ -162,3 +161,57 @@ class PlannerSettings:
 def _require_name(name: str, what: str, allowed: Iterable[str]) -> None:
     if one_of(name, str, what) not in allowed:
         raise ConfigurationError(f"{what} {expected_name(name, allowed)}")
+
+
+# --- Mechanisms of the planner, each of which can be switched off, and the planners that are made so.
+
+Placement = Literal["k-means", "samples", "paper", "none"]
+PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
+"""What landmarks are: K-means centres of samples, as many plain samples, those of the source method as published
+(:mod:`trailmark.planning.placement`), or none at all."""
+
+MECHANISMS = {
+    "lattice": "paths over lattices of configurations: the first one, and other ways around",
+    "node-retraction": "nodes of a lattice that collide by little are pushed off the obstacles",
+    "multi-steps": "a lattice's moves across several positions",
+    "other-ways": "lattices searched for other ways around once there is a path",
+    "disc-path": "a disc's exact shortest path",
+    "bands": "samples drawn where short paths are likely, not from all that the robot might reach",
+    "bridges": "landmarks where the parts of the roadmap come closest",
+    "hybrid-astar": "a car's short drives from the parts of its roadmap",
+    "redriving": "drives from a car's path back to it with fewer changes of direction",
+    "background-proof": "a proof that no path exists, sought beside the search for one",
+    "shortening": "paths are shortened",
+    "improvement": "rounds after the first path, until it is settled",
+}
+"""What can be switched off by :attr:`trailmark.planning.settings.PlannerSettings.without`, by name."""
+
+# --- Planning methods by name: the planner as it is, and planners of their own that are made of parts of it.
+
+_ROADMAP = ("lattice", "disc-path", "bridges", "hybrid-astar")
+
+METHODS = {
+    "landmark": PlannerSettings(),
+    "roadmap": PlannerSettings(without=_ROADMAP),
+    "roadmap-uniform": PlannerSettings(placement="samples", without=_ROADMAP),
+    "lattice": PlannerSettings(placement="none", without=("disc-path",)),
+    "paper": PlannerSettings(
+        placement="paper",
+        first_landmarks=12,
+        landmark_growth=2.0,
+        samples_per_landmark=84,
+        without=(*_ROADMAP, "shortening", "improvement"),
+    ),
+}
+"""Settings of :class:`~trailmark.planning.planner.LandmarkPlanner` that are a planner of their own:
+
+- ``landmark``: all mechanisms.
+- ``roadmap``: landmarks by K-means where the relaxed problem's short paths run, their roadmap and its shortest path,
+  which is shortened, and further rounds of these; nothing else leads to a path.
+- ``roadmap-uniform``: the same with as many plain valid samples in place of the K-means centres.
+- ``lattice``: no landmarks; lattices alone give the first path and other ways around. Not for cars.
+- ``paper``: the source method. Its Algorithm 2 draws about 1,000 points and places 12 landmarks, both doubled in each
+  round until there is a path; each obstacle's box is taken from its true outline, as if it had been sensed without
+  error. A centre becomes a node at its widest heading, or at the nearest point where the robot can stand. The
+  roadmap's shortest path of certified motions is the answer; it is neither shortened nor improved.
+"""

@@ -17,7 +17,6 @@ from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
 from trailmark.path import Path
-from trailmark.planning.pace import Pace
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 from trailmark.zones import KeepOutZone, OneWayZone
@@ -69,7 +68,6 @@ def warm_up(kind: Kind = "straight", use: Use = "plan", *, weighted: bool = Fals
     with compiling_for(NAMES[use]), compiled_side_by_side(jobs):
         for job in jobs:
             job()
-    Pace.forget_all()
 
 
 def warm_up_for(robot: Robot, world: World, objective: Objective, use: Use = "plan") -> None:
@@ -128,7 +126,6 @@ def _plan(kind: Kind, objective: str) -> None:
     planner.checker.clearance(start)
     # FCL is asked where something touches.
     planner.checker.scene.collides(start)
-    planner.checker.scene.clearance(start)
 
 
 def _follow_changes(kind: Kind, objective: str) -> None:
@@ -231,8 +228,7 @@ def _shorten(kind: Kind, objective: str) -> None:
     """Shorten a path."""
     from trailmark.collision import StateChecker
     from trailmark.motion import motion_of
-    from trailmark.planning.needless import without_needless
-    from trailmark.planning.shortening import EFFORT, shorten
+    from trailmark.planning.shortening import EFFORT, shorten, without_needless
 
     world, (start, goal) = SMALL
     motion = motion_of(StateChecker(world, ROBOTS[kind]), objective=Objective.of(objective))

@@ -111,9 +111,7 @@ class WorldModel:
         checker = self.checker
         if clearance == checker.robot.clearance:
             return self
-        checker = StateChecker(
-            checker.world, checker.robot, exact=checker.exact, clearance=clearance, cell=checker.cell
-        )
+        checker = StateChecker(checker.world, checker.robot, clearance=clearance, cell=checker.cell)
         return WorldModel(checker, np.random.default_rng(self.seed), self.seed, self.settings, 0, self.objective)
 
     def valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:

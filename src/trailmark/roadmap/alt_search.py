@@ -20,7 +20,7 @@ from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.motion.base import certified, cost, least_cost, new_scratch, obeys_triangle
 from trailmark.nearest import Forest
-from trailmark.roadmap.joining import JOINED, joinable_nodes
+from trailmark.roadmap.insertion import JOINED, joinable_nodes
 from trailmark.roadmap.spanner import Adjacency
 from trailmark.se2 import FloatArray
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.motion import Motion
-from trailmark.roadmap.reach import edges_near, few_boxes, nodes_near
 from trailmark.roadmap.roadmap import Roadmap
+from trailmark.roadmap.search import edges_near, few_boxes, nodes_near
 from trailmark.roadmap.store import EdgeStatus
 from trailmark.se2 import FloatArray
 

@@ -21,8 +21,7 @@ from trailmark.collision import StateChecker
 from trailmark.motion.differential import ALIGNED
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
-from trailmark.trajectories.certificate import certified
-from trailmark.trajectories.one_way import one_way_respected
+from trailmark.trajectories.certificate import certified, one_way_respected
 from trailmark.trajectories.pieces import STANDING, Pieces, joined, straight
 
 __all__ = ["rounded"]

@@ -15,8 +15,7 @@ from trailmark.errors import ConfigurationError
 from trailmark.motion import motion_of
 from trailmark.path import Path, fractions
 from trailmark.se2 import FloatArray
-from trailmark.trajectories.certificate import certified, dense_places, row_counts
-from trailmark.trajectories.one_way import one_way_respected
+from trailmark.trajectories.certificate import certified, dense_places, one_way_respected, row_counts
 from trailmark.trajectories.pieces import Pieces, joined
 from trailmark.trajectories.rounding import rounded
 from trailmark.trajectories.transitions import with_transitions

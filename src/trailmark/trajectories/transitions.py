@@ -17,8 +17,7 @@ import numpy as np
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.se2 import FloatArray
-from trailmark.trajectories.certificate import certified
-from trailmark.trajectories.one_way import one_way_respected
+from trailmark.trajectories.certificate import certified, one_way_respected
 from trailmark.trajectories.pieces import Pieces, pieces_of
 
 __all__ = ["with_transitions"]

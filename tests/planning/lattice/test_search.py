@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,8 +19,8 @@ from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker
 from trailmark.planning.lattice.cost_to_go import CostToGo
-from trailmark.planning.lattice.search import GOAL_EVERY, Lattice
-from trailmark.shapes import Disc, Rectangle
+from trailmark.planning.lattice.search import Lattice
+from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
@@ -44,10 +44,6 @@ def valid_states(checker: StateChecker, n: int, rng: np.random.Generator) -> Flo
 
 def turn(a: FloatArray, b: FloatArray) -> float:
     return abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
-
-
-def cost(states: FloatArray) -> float:
-    return sum(math.dist(a[:2], b[:2]) + 0.5 * turn(a, b) for a, b in pairwise(states))
 
 
 def middles(robot: Robot, q: FloatArray) -> NDArray[np.complex128]:
@@ -228,106 +224,12 @@ def test_where_no_motion_between_valid_nodes_fails_the_cost_is_exact(headings: i
     assert exact >= 3
 
 
-def test_the_nearest_lattice_to_a_straight_way_is_straight() -> None:
-    judged = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(2.0, 1.0))
-    start, goal = np.array([2.0, 3.0, 0.5]), np.array([17.0, 3.0, 0.5])
-    way, taken = Lattice(judged, 1.0, 16).find_path(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
-    assert cost(way) == pytest.approx(15.0)
-    assert taken <= GOAL_EVERY
-
-
 def test_start_and_goal_may_be_one() -> None:
     judged = checker("L", 0)
     q = valid_states(judged, 1, np.random.default_rng(0))[0]
     way, taken = Lattice(judged, 1.0, 16).find_path(q, q, STRAIGHT, weight=2.0, budget=10)
     assert np.array_equal(way, [q, q])
     assert taken == 1
-
-
-@pytest.mark.parametrize("start", [0.0, math.pi, -math.pi + 1e-9, math.pi / 2, 3.0])
-@pytest.mark.parametrize("goal", [math.pi, -math.pi + 1e-9, 0.0, -3.0])
-def test_headings_wrap_at_half_a_turn(judge: Judge, start: float, goal: float) -> None:
-    # No room to turn but in the chamber at the end of the corridor.
-    walls = (Rectangle((8.0, 1.6), 16.0, 3.2), Rectangle((8.0, 6.4), 16.0, 3.2))
-    judged = StateChecker(World("turn", (0, 0, 24, 8), walls), Robot.rectangle(2.2, 1.0))
-    ends = np.array([[20.0, 4.0, start], [3.0, 4.0, goal]])
-    for headings in (16, 5):
-        way, _ = Lattice(judged, 0.5, headings).find_path(ends[0], ends[1], STRAIGHT, weight=2.0, budget=200_000)
-        if headings == 16 or len(way):
-            judge(judged.world, judged.robot, *ends, way)
-            assert judged.motions_valid(way[:-1], way[1:]).all()
-
-
-@pytest.mark.parametrize("multi_steps", [False, True])
-def test_exhausted_searches_take_fewer_nodes_than_they_may(multi_steps: bool) -> None:
-    # A closed ring about the start.
-    ring = tuple(
-        Rectangle((10.0 + 4.0 * math.cos(a), 10.0 + 4.0 * math.sin(a)), 1.0, 3.0, a)
-        for a in np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
-    )
-    for robot, headings in ((Robot.disc(0.5), 1), (Robot.rectangle(1.2, 0.5), 16)):
-        judged = StateChecker(World("ring", (0, 0, 20, 20), ring), robot)
-        inside, outside = np.array([10.0, 10.0, 0.0]), np.array([2.0, 2.0, 0.0])
-        search = partial(
-            Lattice(judged, 0.5, headings).find_path, inside, outside, STRAIGHT, weight=2.0, multi_steps=multi_steps
-        )
-        way, taken = search(budget=PLENTY)
-        assert way.shape == (0, 3)
-        # No more than there are nodes within the ring, or a stride of 8 cells from there.
-        assert 0 < taken < (33 * 33 if multi_steps else 17 * 17) * headings
-        # The budget cuts in before that.
-        way, cut = search(budget=taken // 2)
-        assert way.shape == (0, 3)
-        assert cut == taken // 2
-
-
-@pytest.mark.parametrize("multi_steps", [False, True])
-def test_a_search_that_comes_no_nearer_is_given_up(multi_steps: bool) -> None:
-    walls = (Rectangle((10.0, 10.0), 1.0, 14.0), Rectangle((7.0, 3.5), 6.0, 1.0), Rectangle((7.0, 16.5), 6.0, 1.0))
-    judged = StateChecker(World("pocket", (0, 0, 20, 20), walls), Robot.disc(0.5))
-    ends = np.array([[6.0, 10.0, 0.0], [15.0, 10.0, 0.0]])
-    search = partial(
-        Lattice(judged, 0.5, 1).find_path, ends[0], ends[1], weight=2.0, budget=PLENTY, multi_steps=multi_steps
-    )
-    whole, taken = search(STRAIGHT)
-    assert len(whole) > 2
-    none, at_most = search(STRAIGHT, patience=20)
-    assert len(none) == 0
-    # On the straight way to the wall each node is nearer, 3.5 m of them; from each a stride into the wall is tried.
-    assert 20 < at_most <= (38 if multi_steps else 30) < taken
-    # A better guide goes on getting nearer.
-    found, _ = search(CostToGo.of(judged, ends[1], 1600), patience=20)
-    assert len(found) > 2
-    again, same = search(STRAIGHT, patience=taken)
-    assert np.array_equal(again, whole)
-    assert same == taken
-
-
-@pytest.mark.parametrize("multi_steps", [False, True])
-@pytest.mark.parametrize("cells", [0, 1600])
-def test_the_limit_prunes(cells: int, multi_steps: bool) -> None:
-    judged = StateChecker(World("wall", (0, 0, 20, 20), (Rectangle((10.0, 9.0), 1.0, 16.0),)), Robot.disc(0.5))
-    start, goal = np.array([5.0, 9.0, 0.0]), np.array([15.0, 9.0, 0.0])
-    guide = CostToGo.of(judged, goal, cells, 0.0) if cells else STRAIGHT
-    search = partial(
-        Lattice(judged, 0.5, 1).find_path, start, goal, guide, weight=1.0, budget=PLENTY, multi_steps=multi_steps
-    )
-    free, all_taken = search()
-    best = cost(free)
-    # A guide that knows eight directions only is no lower bound: the cheapest way may not be found a second time.
-    limit = best * (1.05 if cells else 1.0) + 1e-3
-    kept, taken = search(limit=limit)
-    assert len(kept) > 2
-    assert cost(kept) <= limit
-    if not cells:
-        assert np.array_equal(kept, free)
-        assert taken <= all_taken
-    none, taken = search(limit=0.9 * best)
-    assert none.shape == (0, 3)
-    # Only what lies in the ellipse of that length is looked at.
-    major = 0.45 * best
-    inside = math.pi * major * math.sqrt(major**2 - 25.0) / 0.25
-    assert 0 < taken <= 1.2 * inside
 
 
 @pytest.mark.parametrize("multi_steps", [False, True])
@@ -348,108 +250,7 @@ def test_the_same_search_gives_the_same_way(multi_steps: bool, cells: int) -> No
     assert np.array_equal(ways[0][0], ways[1][0])
 
 
-@pytest.mark.parametrize("corner", range(4))
-@pytest.mark.parametrize("name", ["disc", "rectangle", "offset"])
-def test_from_corner_to_corner_of_the_bounds(judge: Judge, name: str, corner: int) -> None:
-    # The robot touches two of the bounds, or all but does; the offset one's disc lies off its reference point.
-    robot = ROBOTS[name]
-    x, y = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)][corner]
-    low, high = robot.outline.vertices.min(axis=0), robot.outline.vertices.max(axis=0)
-    gap = 2e-3 if name == "disc" else 1e-5
-    places = [(gap - low[0], gap - low[1]), (20.0 - gap - high[0], 20.0 - gap - high[1])]
-    start = np.array([places[x > 0][0], places[y > 0][1], 0.0])
-    goal = np.array([places[x == 0][0], places[y == 0][1], 0.0])
-    judged = StateChecker(World("box", (0, 0, 20, 20), (Disc((10.0, 10.0), 2.0),)), robot)
-    search = Lattice(judged, 0.7, 1 if name == "disc" else 8)
-    for multi_steps in (False, True):
-        way, _ = search.find_path(start, goal, STRAIGHT, weight=2.0, budget=PLENTY, multi_steps=multi_steps)
-        judge(judged.world, robot, start, goal, way)
-
-
-@pytest.mark.slow
-@settings(max_examples=few(40))
-@given(
-    name=st.sampled_from(sorted(ROBOTS)),
-    world=st.integers(0, 5),
-    seed=st.integers(0, 10_000),
-    weight=st.sampled_from([1.0, 2.0]),
-    guided=st.booleans(),
-)
-def test_strides_find_what_is_found_without(
-    judge: Judge, name: str, world: int, seed: int, weight: float, guided: bool
-) -> None:
-    judged = checker(name, world)
-    ends = valid_states(judged, 2, np.random.default_rng(seed))
-    headings, size = (1, 0.5) if name == "disc" else (8, 0.8)
-    to_go = CostToGo.of(judged, ends[1], 400) if guided else STRAIGHT
-    search = partial(Lattice(judged, size, headings).find_path, ends[0], ends[1], to_go, weight=weight, budget=PLENTY)
-    plain, _ = search()
-    strided, taken = search(multi_steps=True)
-    if len(strided):
-        judge(judged.world, judged.robot, *ends, strided)
-    else:
-        # Exhausted; what is far from the goal tries to join it now and then only.
-        assert taken < PLENTY
-        if len(plain):
-            away = abs(np.diff(middles(judged.robot, plain[-2:]))[0])
-            assert away >= 1.5 * size or (headings > 1 and turn(plain[-2], ends[1]) >= 3.0 * math.pi / headings)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "offset"])
-def test_strides_lead_where_single_steps_lead_and_cost_the_same(name: str) -> None:
-    found = 0
-    for seed in (7 - trial for trial in trials(4, of=2)):
-        judged, start, goal, size, headings, _, least = known(name, seed)
-        way, _ = Lattice(judged, size, headings).find_path(
-            start, goal, STRAIGHT, weight=2.0, budget=PLENTY, multi_steps=True
-        )
-        if len(way) > 2:
-            found += max(cells_crossed(judged.robot, way, size, headings)) > 1
-            assert lattice_cost(judged.robot, way) >= least - 1e-4
-    assert found >= 2
-
-
-def test_with_a_guide_strides_find_ways_sooner() -> None:
-    taken = {False: 0, True: 0}
-    for seed in range(4):
-        judged = StateChecker(random_world(seed, 60, size=60.0, radii=(0.5, 4.0)), ROBOTS["rectangle"])
-        q = valid_states(judged, 40, np.random.default_rng(seed))
-        # From one corner to the other, about.
-        start, goal = (q[choose(q[:, 0] + q[:, 1])] for choose in (np.argmin, np.argmax))
-        guide = CostToGo.of(judged, goal, 10_000)
-        for multi_steps in taken:
-            way, nodes = Lattice(judged, 0.5, 16).find_path(
-                start, goal, guide, weight=2.0, budget=PLENTY, multi_steps=multi_steps
-            )
-            assert len(way) > 2
-            taken[multi_steps] += nodes
-    assert 2 * taken[True] < taken[False]
-
-
-GATE = World("gate", (0, 0, 20, 20), (Rectangle((10.13, 4.4), 1.5, 8.8), Rectangle((10.13, 14.95), 1.5, 10.1)))
 """A wall with a gap 1.1 m wide, aside of the positions of a lattice that begins at (5, 5)."""
-
-
-@pytest.mark.parametrize(("size", "headings"), [(0.3, 8), (0.4, 8), (0.4, 16)])
-def test_seats_lead_through_gaps_that_no_node_lies_in(judge: Judge, size: float, headings: int) -> None:
-    judged = StateChecker(GATE, Robot.rectangle(2.0, 1.0), cell=0.1)
-    start, goal = np.array([5.0, 5.0, 0.0]), np.array([15.0, 5.0, 0.3])
-    search = partial(
-        Lattice(judged, size, headings).find_path,
-        start,
-        goal,
-        CostToGo.of(judged, goal, 40_000),
-        weight=2.0,
-        budget=PLENTY,
-    )
-    for multi_steps in (False, True):
-        without, taken = search(multi_steps=multi_steps)
-        assert len(without) == 0
-        assert taken < PLENTY
-        way, _ = search(multi_steps=multi_steps, retracts=True)
-        assert len(way) > 2
-        judge(GATE, judged.robot, start, goal, way)
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ from trailmark.library import find_world
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.planning.proofs import LowerBound
-from trailmark.planning.proofs.grown import pieces_of
 from trailmark.planning.proofs.region import free_region
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -81,23 +80,6 @@ def test_the_bound_of_a_disc_is_the_shortest_path() -> None:
     assert found.cost <= 2.0 * tangent + 3.0 * angle
 
 
-def test_once_the_region_is_made_what_is_left_is_the_part_around_an_end() -> None:
-    box = [Rectangle((x, y), *size) for x, y, *size in [(1, 2, 0.2, 2), (3, 2, 0.2, 2), (2, 1, 2, 0.2), (2, 3, 2, 0.2)]]
-    discs = [Disc((x, y), 0.3) for x in range(6, 30, 2) for y in range(1, 30, 2)]
-    bound = LowerBound(World("box", (0.0, 0.0, 30.0, 30.0), (*box, *discs)), Robot.disc(0.3))
-    inside, outside, far = np.array([[2.0, 2.0, 0.0], [4.5, 2.0, 0.0], [29.0, 29.0, 0.0]])
-    assert 0.0 < bound.seconds_for_region() < 0.5 * bound.seconds(inside, far)
-    assert bound.seconds(inside, far) == bound.seconds(outside, far)
-    bound.make_region()
-    assert bound.seconds_for_region() == 0.0
-    assert bound.seconds(inside, far) < 0.2 * bound.seconds(outside, far)
-    assert bound.of(inside, far).cost == np.inf
-    # The other part is not cut by that.
-    assert bound.seconds(inside, far) < 0.2 * bound.seconds(outside, far)
-    assert np.isfinite(bound.of(outside, far).cost)
-    assert bound.seconds(outside, far) == bound.seconds(inside, far)
-
-
 def test_what_the_disc_cannot_reach_is_proven() -> None:
     world = World.load(find_world("enclosed"))
     assert world.robot is not None
@@ -119,34 +101,6 @@ def ragged_outline(corners: int, seed: int = 0) -> shapely.Polygon:
     radius = 3.5 + rng.uniform(-0.4, 0.4, corners)
     outline = shapely.Polygon(np.column_stack([5.0 + radius * np.cos(angle), 5.0 + radius * np.sin(angle)]))
     return outline.difference(shapely.unary_union([shapely.Point(x, y).buffer(0.3) for x in (4, 5, 6) for y in (4, 6)]))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", trials(8, of=2))
-@pytest.mark.parametrize("radius", [0.02, 0.15])
-@pytest.mark.parametrize("inner", [False, True])
-def test_an_outline_of_many_corners_grows_as_one(seed: int, radius: float, inner: bool) -> None:
-    outline = ragged_outline(600, seed)
-    assert len(pieces_of(np.array([outline]))) > 8
-    vertices, *holes = [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(outline)]
-    world = World("ragged", (0.0, 0.0, 10.0, 10.0), (Polygon(vertices, tuple(holes)),))
-    origin = np.array([5.0, 5.0])
-    part = shapely.box(-3.0, -5.0, 2.0, 4.0)
-    for within in (None, part):
-        region = free_region(world, radius, within, origin=origin, inner=inner)
-        centres = np.random.default_rng(seed).uniform(-5.0, 5.0, (4000, 2))
-        centres = centres[shapely.contains_xy(within or shapely.box(-4.5, -4.5, 4.5, 4.5), centres)]
-        inside = shapely.intersects_xy(region, centres)
-        clear = np.minimum(
-            shapely.distance(shapely.points(centres + origin), outline), 5.0 - np.abs(centres).max(axis=1)
-        )
-        # Chords lie within 0.5 % of the radius of the circle, on the side that does no harm.
-        if inner:
-            assert (clear[inside] >= radius).all()
-            assert inside[clear > 1.012 * radius].all()
-        else:
-            assert inside[clear >= radius].all()
-            assert (clear[inside] >= 0.994 * radius - 1e-5).all()
 
 
 def test_a_region_that_would_take_too_long_is_given_up() -> None:

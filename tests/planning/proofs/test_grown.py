@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.helpers.random_worlds import star_polygon
 from tests.support.trials import few
 
 from trailmark import LandmarkPlanner, Robot, World
 from trailmark.planning.proofs.bound import LowerBound
-from trailmark.planning.proofs.grown import grown, strips
+from trailmark.planning.proofs.grown import grown
 from trailmark.shapes import Polygon
 
 CHORDS = 0.015
@@ -63,19 +63,6 @@ def widest_place(hole: np.ndarray) -> tuple[np.ndarray, float]:
     return shapely.get_coordinates(radius)[0], radius.length
 
 
-@pytest.mark.slow
-@given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.5, 3.0]))
-@settings(max_examples=few(25), deadline=None)
-def test_strips_and_buffers_are_the_same_but_for_chords(seed: int, r: float) -> None:
-    star = star_with_a_hole(seed)
-    # GEOS fills holes of few corners in which hardly a place is free: see the next test.
-    assume(not any(r < widest_place(hole)[1] < 1.05 * r for hole in star.holes))
-    polygon = star.shapely()
-    judge(polygon, grown(np.array([polygon], dtype=object), r), r)
-    around = shapely.orient_polygons(np.array([polygon], dtype=object))
-    judge(polygon, [polygon, *strips(shapely.get_rings(around), r)], r)
-
-
 def test_of_a_hole_that_geos_fills_nothing_is_claimed() -> None:
     star, robot = star_with_a_hole(93830), Robot.disc(0.5)
     place, reach = widest_place(star.holes[0])
@@ -98,15 +85,3 @@ def test_what_geos_fills_is_told_by_the_judge() -> None:
     judge(wall, grown(np.array([wall], dtype=object), 1.0), 1.0)
     with pytest.raises(AssertionError):
         judge(wall, [shapely.buffer(wall, 1.0, quad_segs=8)], 1.0)
-
-
-def test_a_square_grows_by_strips_and_sectors() -> None:
-    square = shapely.box(0.0, 0.0, 2.0, 2.0)
-    regions = strips(shapely.get_rings(shapely.orient_polygons(np.array([square], dtype=object))), 1.0)
-    around = shapely.union_all([square, *regions])
-    sector = 8 * 0.5 * np.sin(np.pi / 16)
-    assert len(regions) == 4
-    assert around.area == pytest.approx(4.0 + 8.0 + 4.0 * sector, abs=1e-12)
-    # Turned round, it shrinks: all but the middle is taken.
-    inward = strips(shapely.get_rings(shapely.orient_polygons(square, exterior_cw=True)), 0.75)
-    assert shapely.difference(square, shapely.union_all(inward)).equals(shapely.box(0.75, 0.75, 1.25, 1.25))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.trials import few
 
-from trailmark.planning.proofs.orientation import orientation, orientations
+from trailmark.planning.proofs.mesh import orientation, orientations
 
 
 def exactly(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> int:

@@ -22,7 +22,7 @@ from trailmark.benchmark.planners import method_settings
 from trailmark.benchmark.status import Status
 from trailmark.curves import CurvePath
 from trailmark.path import Path
-from trailmark.planning.methods import METHODS
+from trailmark.planning.settings import METHODS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

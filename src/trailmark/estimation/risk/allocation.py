@@ -24,7 +24,7 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon, Shape
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
-__all__ = ["grown_less", "grown_world", "refined", "regrow"]
+__all__ = ["grown_world", "refined", "regrow"]
 
 Matrix3 = Annotated[ArrayLike, shaped(3, 3)]
 
@@ -103,7 +103,7 @@ def regrow(
     bound = RiskBound(confidence, pose, 0.0 if pose is None else reach)
     share = iter(shares.tolist())
     estimates = tuple(None if e is None else replace(e, share=next(share)) for e in world.estimates)
-    return _grown(replace(world, estimates=estimates, risk=bound), bound, 1.0)
+    return _grown(replace(world, estimates=estimates, risk=bound), bound)
 
 
 @checked_arguments(EstimationError)
@@ -136,38 +136,26 @@ def refined(world: World, estimates: Mapping[str | int, ObstacleEstimate]) -> Wo
             )
         shared = replace(estimate, share=share)
         known_as = world.ids[i] if world.ids else None
-        items.append(Change(known_as, world.obstacles[i], _region(shared, bound, 1.0), i, i, shared))
+        items.append(Change(known_as, world.obstacles[i], _region(shared, bound), i, i, shared))
     return world.apply(Changes(tuple(items)))
 
 
-def grown_less(world: World, scale: float) -> World:
-    """Return a grown world with its estimated obstacles grown by ``scale`` times as much, which states no risk.
-
-    Args:
-        world: of :func:`regrow`.
-        scale: 0 for the estimates' means, 1 for the world as it is.
-    """
-    if world.risk is None:
-        raise EstimationError("grown_less: expected a grown world, got one without risk")
-    return replace(_grown(world, world.risk, scale), risk=None)
-
-
-def _grown(world: World, bound: RiskBound, scale: float) -> World:
-    """Return the world with its estimated obstacles grown by ``scale`` times what their shares of the risk ask for."""
+def _grown(world: World, bound: RiskBound) -> World:
+    """Return the world with its estimated obstacles grown by what their shares of the risk ask for."""
     obstacles = []
     for shape, estimate in zip(world.obstacles, world.estimates or (None,) * len(world.obstacles), strict=True):
         if estimate is None or estimate.share is None:
             obstacles.append(shape)
         else:
-            obstacles.append(_region(estimate, bound, scale))
+            obstacles.append(_region(estimate, bound))
     return replace(world, obstacles=tuple(obstacles))
 
 
-def _region(estimate: ObstacleEstimate, bound: RiskBound, scale: float) -> Shape:
-    """Return an obstacle grown by ``scale`` times what its share of the risk asks for."""
+def _region(estimate: ObstacleEstimate, bound: RiskBound) -> Shape:
+    """Return an obstacle grown by what its share of the risk asks for."""
     assert estimate.share is not None  # noqa: S101 # callers know that
     spread = Spread.of(estimate, bound)
-    return spread.region(scale * spread.quantile((1.0 - bound.confidence) * estimate.share))
+    return spread.region(spread.quantile((1.0 - bound.confidence) * estimate.share))
 
 
 def _shares(n: int, weights: ArrayLike | None) -> FloatArray:

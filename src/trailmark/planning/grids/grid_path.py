@@ -7,7 +7,6 @@ import numpy as np
 from trailmark.motion import TranslationMotion
 from trailmark.planning.grids.grid_tangents import GridTangents
 from trailmark.planning.grids.search import TangentSearch
-from trailmark.planning.pace import Pace
 from trailmark.planning.query import Query
 
 __all__ = ["shortest_grid_path"]
@@ -29,8 +28,8 @@ SOON, CLOSE = 0.97, 0.95
 KEPT = 0.03
 """Share of the time limit that is left at the end."""
 
-CHECKING = Pace(3.0e-6)
-"""For each state of a path that is returned: what checks it and tells its least clearance."""
+CHECKING = 4e-6
+"""Seconds for each state of a path that is returned: what checks it and tells its least clearance."""
 
 
 def shortest_grid_path(query: Query, tangents: GridTangents | None) -> bool:
@@ -64,7 +63,7 @@ def shortest_grid_path(query: Query, tangents: GridTangents | None) -> bool:
 def _run(query: Query, search: TangentSearch, labels: int = 2**62) -> bool:
     """Go on with a search as far as there is time; return whether it has ended."""
     states = query.incumbent.states
-    kept = KEPT * query.clock.limit + CHECKING.seconds(0.0 if states is None else len(states))
+    kept = KEPT * query.clock.limit + CHECKING * (0 if states is None else len(states))
     while labels > 0 and query.seconds_left() > kept:
         if search.run(PART):
             return True

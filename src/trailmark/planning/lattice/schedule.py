@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
 from trailmark.motion import Motion, WeightedMotion
-from trailmark.planning.lattice.corridor import corridor
-from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
+from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo, corridor
 from trailmark.planning.lattice.search import Lattice
-from trailmark.planning.needless import without_needless
-from trailmark.planning.pace import Pace
-from trailmark.planning.shortening import EFFORT
+from trailmark.planning.shortening import EFFORT, without_needless
 from trailmark.se2 import FloatArray
 
 __all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "LatticeSchedule"]
@@ -25,8 +21,8 @@ WEIGHT = 2.0
 PATIENCE = 24
 """Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
 
-GUIDING = Pace(2.5e-7)
-"""For each cell of the costs to go."""
+GUIDING = 2.5e-7
+"""Seconds for each cell of the costs to go, rather too many."""
 
 
 class Level(NamedTuple):
@@ -37,32 +33,23 @@ class Level(NamedTuple):
         fineness: size of the relaxed problem's cells in units of the distance between neighbouring positions.
         headings: how many.
         nodes: maximum number expanded.
-        group: the mechanism (:mod:`trailmark.planning.mechanisms`) that it belongs to.
+        group: the mechanism (:mod:`trailmark.planning.settings`) that it belongs to.
     """
 
     cells: int
     fineness: float
     headings: int
     nodes: int
-    group: str
 
 
 LEVELS = (
-    Level(0, 0.35, 8, 64, "straight-level"),
-    Level(1 << 14, 0.7, 8, 800, "coarse-level"),
-    Level(1 << 16, 1.0, 8, 1_000, "small-levels"),
-    Level(1 << 16, 0.5, 8, 1_000, "small-levels"),
-    Level(1 << 16, 0.6, 10, 1_000, "small-levels"),
-    Level(1 << 16, 1.0, 16, 2_000, "small-levels"),
-    Level(1 << 16, 0.4, 12, 2_000, "small-levels"),
-    Level(1 << 16, 0.5, 8, 10_000, "large-levels"),
-    Level(1 << 16, 1.0, 8, 10_000, "large-levels"),
-    Level(1 << 16, 1.4, 8, 10_000, "large-levels"),
-    Level(1 << 16, 0.5, 16, 20_000, "largest-levels"),
-    Level(1 << 16, 2.0, 16, 25_000, "largest-levels"),
-    Level(1 << 16, 1.0, 32, 40_000, "largest-levels"),
-    Level(1 << 16, 2.0, 32, 100_000, "largest-levels"),
-    Level(1 << 16, 4.0, 64, 1_000_000, "largest-levels"),
+    Level(0, 0.35, 8, 64),
+    Level(1 << 14, 0.7, 8, 800),
+    Level(1 << 16, 1.0, 8, 1_000),
+    Level(1 << 16, 0.5, 8, 10_000),
+    Level(1 << 16, 1.0, 16, 20_000),
+    Level(1 << 16, 2.0, 32, 100_000),
+    Level(1 << 16, 4.0, 64, 1_000_000),
 )
 """Searched in turn: small searches first, since which lattice leads through soon is a matter of luck."""
 
@@ -88,11 +75,8 @@ class View(NamedTuple):
 
 VIEWS = (
     View(1.0, 1.2, 32, 50_000),
-    View(0.0, 1.2, 32, 50_000),
-    View(1.0, 1.2, 16, 50_000),
     View(0.0, 1.2, 16, 50_000),
     View(1.0, 1.0, 16, 100_000),
-    View(0.0, 1.0, 16, 100_000),
 )
 """Searched in turn, from one end and the other."""
 
@@ -105,7 +89,7 @@ CORRIDOR, MARCHING = 0.03, 10.0
 DETOUR = 1.15
 """Times the limit: over a lattice of eight directions a path is so much longer than its shortened self at most."""
 
-AT_FIRST, AT_SECOND, AT_MOST = 5, 9, 11
+AT_FIRST, AT_SECOND, AT_MOST = 3, 4, 5
 """Levels searched before all else; for distant ends, also before and after infeasibility is tried to be proven."""
 
 
@@ -161,8 +145,6 @@ class LatticeSchedule:
         """Return a path of certified motions, shape (n, 3), sought on the next levels; (0, 3) if none was found."""
         for level in LEVELS[self.level : self.level + levels]:
             self.level += 1
-            if level.group in self.without:
-                continue
             for forward in self._directions(level):
                 path = self._search(level, forward)
                 if len(path):
@@ -206,7 +188,7 @@ class LatticeSchedule:
 
     def _cheapest(self, motion: WeightedMotion) -> FloatArray:
         """Return a path in the homotopy class that is cheapest by far finer directions than a lattice's."""
-        if self.seconds_left() < 2.0 * MARCHING * GUIDING.seconds(min(LEVELS[-1].cells, self.cells)):
+        if self.seconds_left() < 2.0 * MARCHING * GUIDING * min(LEVELS[-1].cells, self.cells):
             return np.empty((0, 3))
         to_go = corridor(self.checker, motion.density, self.ends, min(LEVELS[-1].cells, self.cells), CORRIDOR)
         lattice = Lattice(self.checker, self.cell, VIEWS[0].headings if motion.turns else 1, motion)
@@ -263,7 +245,7 @@ class LatticeSchedule:
     def _has_time(self, cells: int, forward: bool, tightness: float) -> bool:
         """Return whether there is time for the costs to go, and some of it left for a search."""
         known = (cells, forward, tightness) in self.guides
-        return self.seconds_left() > (0.0 if known else GUIDING.seconds(min(cells, self.cells)))
+        return self.seconds_left() > (0.0 if known else GUIDING * min(cells, self.cells))
 
     def _shortened(self, path: FloatArray, forward: bool) -> FloatArray:
         """Return the path from start to goal without needless vertices; (0, 3) if there is none."""
@@ -282,9 +264,8 @@ class LatticeSchedule:
         key = (cells, forward, tightness)
         if key in self.guides:
             return self.guides[key]
-        begin, count = perf_counter(), min(cells, self.cells)
+        count = min(cells, self.cells)
         density = self.motion.density if isinstance(self.motion, WeightedMotion) else None
         to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness, self.window, density)
-        GUIDING.note(count, perf_counter() - begin)
         self.guides[key] = to_go
         return to_go

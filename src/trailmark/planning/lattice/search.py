@@ -28,27 +28,24 @@ from trailmark.motion import DifferentialMotion, Motion, WeightedMotion
 from trailmark.motion.base import Scratch, certified, new_scratch
 from trailmark.motion.base import cost as cost_between
 from trailmark.motion.straight import Straight
-from trailmark.planning.lattice.cost_to_go import CostToGo
-from trailmark.planning.lattice.guide import Guide, best_multi_step, cost_of_move, cost_to_go, near_goal
+from trailmark.planning.lattice.cost_to_go import CostToGo, Guide, best_multi_step, cost_of_move, cost_to_go, near_goal
 from trailmark.planning.lattice.nodes import (
-    MULTI_STEPS,
-    ORIGIN,
-    TURNS,
-    Nodes,
-    child_of,
-    configuration,
-    parent_of,
-)
-from trailmark.planning.lattice.table import (
     CHECKED,
     DONE,
     MIN_BITS,
+    MULTI_STEPS,
+    ORIGIN,
     RETRACTED,
+    TURNS,
     VALID,
+    Nodes,
     SearchTable,
+    child_of,
+    configuration,
     doubled,
     entry_of,
     new_table,
+    parent_of,
 )
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 

@@ -15,7 +15,6 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
 from trailmark.goals import Goal
 from trailmark.planning.grids.grid_tangents import GridTangents
-from trailmark.planning.pace import Pace
 from trailmark.planning.proofs.grown import QUARTER
 from trailmark.planning.proofs.mesh import Mesh, locate, triangulated
 from trailmark.planning.proofs.polyanya import shortest_point_path
@@ -25,7 +24,7 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
-__all__ = ["CUTTING", "Bound", "LowerBound", "region_work"]
+__all__ = ["CUTTING", "SLOWER", "Bound", "LowerBound", "region_work"]
 
 ROUNDING = 1e-9
 """Relative error that lengths may have; taken off."""
@@ -39,17 +38,23 @@ LARGE = 20_000
 MANY = 150_000
 """Vertices of a region for each of which it takes twice as long as in a small one."""
 
-GROWING = Pace(4.5e-6)
-"""For each corner of the obstacles: making the region, in parts that nothing joins."""
+GROWING = 4.5e-6
+"""Seconds for each corner of the obstacles: making the region, in parts that nothing joins.
 
-CUTTING = Pace(9e-6)
-"""For each vertex of a part: cutting it into triangles, and proving that no path leaves them."""
+This and the like are constants: an answer must not depend on how long earlier queries happened to take.
+"""
+
+CUTTING = 1e-5
+"""Seconds for each vertex of a part: cutting it into triangles, and proving that no path leaves them."""
+
+SLOWER = 2.0
+"""Times as long as expected that must be left for what cannot be ended halfway: a machine may be slow, or busy."""
 
 ROUNDED = 1.5
 """Vertices of a region for each corner of the obstacles, around which it is rounded."""
 
-ASKING = Pace(0.003)
-"""For each query, once the region is cut."""
+ASKING = 0.003
+"""Seconds for each query, once the region is cut."""
 
 NEARNESS = 0.25
 """Corners that take as long as telling whether an obstacle lies near a query."""
@@ -157,14 +162,6 @@ class LowerBound:
             seconds: in a grid map the search ends after that, with the bound that it has proven by then.
             left: seconds; what would hardly end by then is given up, and the bound is the way's cost without obstacles.
         """
-        asking, cut, begin = self.ready or self.tangents is not None, len(self._meshes), perf_counter()
-        found = self._found(start, goal, limit, seconds, left)
-        if asking and cut == len(self._meshes):
-            ASKING.note(1.0, perf_counter() - begin)
-        return found
-
-    def _found(self, start: FloatArray, goal: FloatArray, limit: float, seconds: float, left: float) -> Bound:
-        """Return what :meth:`of` does."""
         straight = Bound(self._in_the_open(start, goal), np.empty((0, 2)))
         center, offset = self._center
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
@@ -212,7 +209,7 @@ class LowerBound:
     def seconds(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> float:
         """Return how long :meth:`of` is expected to take."""
         growing, cutting = self._work_left(start, goal, limit)
-        return GROWING.seconds(growing) + CUTTING.seconds(cutting) or ASKING.seconds(1.0)
+        return GROWING * growing + CUTTING * cutting or ASKING
 
     def seconds_for_region(self) -> float:
         """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
@@ -221,7 +218,7 @@ class LowerBound:
 
     def seconds_for_parts(self) -> float:
         """Return how long it is expected to take to make a disc's region in the whole world, whatever its radius."""
-        return GROWING.seconds(region_work(self._size))
+        return GROWING * region_work(self._size)
 
     def make_region(self, left: float = np.inf) -> None:
         """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter.
@@ -366,23 +363,17 @@ class LowerBound:
             ends: of a query: ways longer than ``longest`` may leave it.
             longest: metres.
         """
-        begin, work = perf_counter(), region_work(int(shapely.get_num_coordinates(part)))
-        if begin + CUTTING.seconds(work) > by:
+        if perf_counter() + SLOWER * CUTTING * region_work(int(shapely.get_num_coordinates(part))) > by:
             raise TimeoutError
         mesh, shut_in = triangulated(part), False
         if mesh is not None:
             edges = mesh.points[mesh.edges] + self._origin
             shut_in = self._separation.shuts_in(edges, ends, longest * (1.0 - ROUNDING))
-        CUTTING.note(work, perf_counter() - begin)
         return mesh if shut_in else None
 
     def _cut(self, within: Any, by: float) -> Any:
         """Return the region's parts, in a polygon or everywhere, relative to the origin, shape (n,)."""
-        begin = perf_counter()
-        try:
-            return region_parts(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin, by=by)
-        finally:
-            GROWING.note(region_work(self._corners(within)), perf_counter() - begin)
+        return region_parts(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin, by=by)
 
     def _around(self, parts: Any, a: FloatArray, b: FloatArray) -> list[int]:
         """Return the parts, one or two, in which the ends lie; the smaller first, which is soonest proven."""

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.planning.proofs.mesh import Mesh, locate
-from trailmark.planning.proofs.orientation import ROUNDED, orientation
+from trailmark.planning.proofs.mesh import ROUNDED, Mesh, locate, orientation
 
 __all__ = ["shortest_point_path"]
 
