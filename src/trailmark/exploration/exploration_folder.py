@@ -28,7 +28,6 @@ from trailmark.exploration.history import History
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult
 from trailmark.formats import nav2_output
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
-from trailmark.formats.outputs import require_replaceable
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -103,8 +102,7 @@ def check_folder(folder: str | Path) -> None:
     """Raise if an exploration cannot be kept there; to be asked before it begins.
 
     Raises:
-        OutputError: it is no folder and cannot become one, or one of the files in it cannot be written, or is one
-            that trailmark did not write.
+        OutputError: it is no folder and cannot become one, or one of the files in it cannot be written.
     """
     path = Path(folder)
     try:
@@ -118,13 +116,6 @@ def check_folder(folder: str | Path) -> None:
         return
     for name in FILES:
         check_writable(path / name)
-        require_replaceable(path / name)
-        # A world or a summary does not tell who wrote it; what lies beside it does.
-        if name != "log.jsonl" and (path / name).exists() and not (path / "resume.npz").exists():
-            raise OutputError(
-                f"{path / name}: a file that trailmark did not write is there; "
-                "expected a new folder, or one that trailmark explore wrote"
-            )
 
 
 def save_exploration(

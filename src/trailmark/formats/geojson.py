@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from trailmark.path import Path
 
-__all__ = ["MARK", "collection_text", "feature", "path_text"]
-
-MARK = '"generator": "trailmark"'
-"""A member of the files written here: by that they are known as ones that may be written again."""
+__all__ = ["collection_text", "feature", "path_text"]
 
 
 def feature(properties: dict[str, Any], kind: str, coordinates: list[Any]) -> dict[str, Any]:
@@ -22,7 +19,7 @@ def feature(properties: dict[str, Any], kind: str, coordinates: list[Any]) -> di
 def collection_text(features: list[dict[str, Any]]) -> str:
     """Return features as a FeatureCollection, one on a line; every number with all its digits."""
     lines = ",\n".join(json.dumps(item, allow_nan=False) for item in features)
-    return f'{{"type": "FeatureCollection", {MARK}, "features": [\n{lines}\n]}}\n'
+    return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
 
 
 def path_text(path: Path, frame: str) -> str:

@@ -14,11 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from trailmark.se2 import FloatArray
 
-__all__ = ["JSON_MARK", "YAML_MARK", "message_text", "path_message", "trajectory_message"]
-
-YAML_MARK = "# Written by trailmark"
-JSON_MARK = '{"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": '
-"""How the files begin: by that they are known as ones that may be written again."""
+__all__ = ["message_text", "path_message", "trajectory_message"]
 
 _NANOSECONDS = 10**9
 
@@ -69,7 +65,7 @@ def message_text(message: dict[str, Any], name: str, *, as_json: bool) -> str:
         return f'{{{head}, "{key}": [\n{lines}\n]}}\n'
     usage = f'ros2 topic pub --once TOPIC {name} "$(cat FILE)"'
     lines = "".join(f"- {_text(row)}\n" for row in rows)
-    return f"{YAML_MARK}: {usage}\n" + "".join(f"{k}: {_text(v)}\n" for k, v in members) + f"{key}:\n{lines}"
+    return f"# Written by trailmark: {usage}\n" + "".join(f"{k}: {_text(v)}\n" for k, v in members) + f"{key}:\n{lines}"
 
 
 def _header(frame: str) -> dict[str, Any]:

@@ -11,17 +11,13 @@ from trailmark.checked import Positive, checked_arguments
 from trailmark.errors import WorldError
 from trailmark.formats.files import write_atomically
 from trailmark.formats.grid import check_size
-from trailmark.formats.nav2_messages import YAML_MARK
 from trailmark.shapes import Shape
 from trailmark.world import World
 
-__all__ = ["FREE", "OCCUPIED", "PGM_MARK", "UNKNOWN", "save_nav2_cells", "save_nav2_map"]
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "save_nav2_cells", "save_nav2_map"]
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 """Grey values, as nav2's map_saver writes them."""
-
-PGM_MARK = "# CREATOR: trailmark"
-"""A comment, as map_saver's, by which a later run knows that it may replace the image."""
 
 
 @checked_arguments(WorldError)
@@ -83,9 +79,9 @@ def save_nav2_cells(
     file = Path(path)
     image = file.with_suffix(".pgm")
     (rows, columns), (x, y) = cells.shape, origin
-    write_atomically(image, f"P5\n{PGM_MARK}\n{columns} {rows}\n255\n".encode() + cells[::-1].tobytes())
+    write_atomically(image, f"P5\n# CREATOR: trailmark\n{columns} {rows}\n255\n".encode() + cells[::-1].tobytes())
     lines = (
-        YAML_MARK,
+        "# Written by trailmark",
         f"image: {image.name}",
         "mode: trinary",
         f"resolution: {float(resolution)!r}",

@@ -169,7 +169,7 @@ def picture_of(world: World, file: str | FilePath) -> FilePath:
     Raises:
         OutputError: it is one that the world was read from, such as a map's image.
     """
-    from trailmark.formats.outputs import require_not_an_input
+    from trailmark.formats.files import require_not_an_input
 
     path = FilePath(file)
     require_not_an_input(path, world.sources)
@@ -188,12 +188,8 @@ def write(figure: Figure, file: FilePath) -> None:
     if kind not in PICTURE_SUFFIXES:
         raise OutputError(f"{file}: suffix: expected {', '.join(PICTURE_SUFFIXES)}, got {file.suffix!r}")
     buffer = io.BytesIO()
-    # No date, and a mark by which a later run knows that it may replace the picture (trailmark.formats.outputs).
-    marks: dict[str, dict[str, Any]] = {
-        ".png": {"Software": "trailmark"},
-        ".svg": {"Date": None, "Creator": "trailmark"},
-        ".pdf": {"CreationDate": None, "Creator": "trailmark"},
-    }
+    undated: dict[str, Any] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    metadata = undated.get(kind)
     with matplotlib.rc_context({"svg.hashsalt": "trailmark"}):
-        figure.savefig(buffer, format=kind[1:], dpi=DPI, bbox_inches="tight", pad_inches=0.12, metadata=marks[kind])
+        figure.savefig(buffer, format=kind[1:], dpi=DPI, bbox_inches="tight", pad_inches=0.12, metadata=metadata)
     write_atomically(file, buffer.getvalue())
