@@ -7,7 +7,7 @@ import json
 import numpy as np
 import shapely
 
-from trailmark.formats.geojson import MARK, collection_text, feature, path_text
+from trailmark.formats.geojson import collection_text, feature, path_text
 from trailmark.path import Path
 
 STATES = np.array([[0.1, -2.0, 0.0], [1e-7, 3.5, 3.0], [1.0, 1.0, -3.0]])
@@ -16,7 +16,6 @@ STATES = np.array([[0.1, -2.0, 0.0], [1e-7, 3.5, 3.0], [1.0, 1.0, -3.0]])
 def test_a_path_is_a_line_with_headings() -> None:
     path = Path(STATES)
     text = path_text(path, "odom")
-    assert MARK in text
     (line,) = json.loads(text)["features"]
     assert shapely.get_coordinates(shapely.from_geojson(text)).tolist() == STATES[:, :2].tolist()
     assert line["properties"]["theta"] == STATES[:, 2].tolist()

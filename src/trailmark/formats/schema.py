@@ -1,8 +1,7 @@
 """What may stand in a world file, a robot file and a nav2 map file, as pydantic models.
 
 Strict: a number is not given as text or boolean, NaN and infinity are refused, and so are unknown keys (in the
-world file; nav2 itself ignores them). A field's description says what is allowed; messages and the JSON Schema
-both quote it.
+world file; nav2 itself ignores them). A field's description says what is allowed, for the JSON Schema.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Dis
 
 from trailmark.arguments import angle
 
-__all__ = ["ANGLE", "POINT", "Angle", "MapFile", "ObstacleList", "Pose", "RobotFile", "WorldFile"]
+__all__ = ["Angle", "MapFile", "ObstacleList", "Pose", "RobotFile", "WorldFile"]
 
 
 def _in_radians(value: Any) -> Any:
@@ -55,9 +54,9 @@ NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
 
 _NAME = "a text (quote it if it looks like a number)"
 _LENGTH = "a finite number above 0 (metres)"
-POINT = "a point [x, y] of finite numbers (metres)"
+_POINT = "a point [x, y] of finite numbers (metres)"
 _RING = "three or more points [x, y] of finite numbers (metres)"
-ANGLE = "a finite number (radians, counter-clockwise) or degrees such as 90deg"
+_ANGLE = "a finite number (radians, counter-clockwise) or degrees such as 90deg"
 _POSE = "a configuration [x, y, theta] of finite numbers (metres, radians or degrees such as 90deg)"
 _KIND = "a mapping with the key shape: disc, rectangle or polygon"
 _ESTIMATE = "a mapping {mean, covariance, share}"
@@ -107,7 +106,7 @@ class DiscShape(_Strict):
     """A disc."""
 
     shape: Literal["disc"]
-    center: Point = Field(description=POINT)
+    center: Point = Field(description=_POINT)
     radius: Positive = Field(description=_LENGTH)
 
 
@@ -115,10 +114,10 @@ class RectangleShape(_Strict):
     """A rectangle, its length along its heading."""
 
     shape: Literal["rectangle"]
-    center: Point = Field(description=POINT)
+    center: Point = Field(description=_POINT)
     length: Positive = Field(description=_LENGTH)
     width: Positive = Field(description=_LENGTH)
-    heading: Angle = Field(default=0.0, description=ANGLE)
+    heading: Angle = Field(default=0.0, description=_ANGLE)
 
 
 class PolygonShape(_Strict):
@@ -219,7 +218,7 @@ class OneWayZoneEntry(_Zone):
     """Where the reference point may only travel along a heading, within a tolerance."""
 
     kind: Literal["one-way"]
-    heading: Angle = Field(description=ANGLE)
+    heading: Angle = Field(description=_ANGLE)
     tolerance: Angle = Field(ge=0.0, le=math.pi, description="a number from 0 to pi (radians) or degrees such as 45deg")
 
 
