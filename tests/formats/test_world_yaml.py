@@ -109,12 +109,12 @@ robots = st.one_of(
 names = st.text(st.characters(exclude_categories=["Cs"]))
 
 
-distance = st.floats(0.0, 1e6)
+distance, turn = st.floats(0.0, 1e6), st.floats(0.0, 9.0)
 goals = st.one_of(
     st.builds(Goal, st.tuples(coordinate, coordinate), position_tolerance=distance, cost=distance),
-    st.builds(Goal, pose, position_tolerance=distance, heading_tolerance=st.floats(0.0, 9.0), cost=distance),
+    st.builds(Goal, pose, position_tolerance=distance, heading_tolerance=turn, cost=distance),
     st.builds(Goal, region=polygons(holes=False), cost=distance),
-    st.builds(Goal, region=polygons(holes=False), heading=st.floats(-10.0, 10.0), heading_tolerance=st.floats(0.0, 9.0)),
+    st.builds(Goal, region=polygons(holes=False), heading=st.floats(-10.0, 10.0), heading_tolerance=turn),
 )
 
 

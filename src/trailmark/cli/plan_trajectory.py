@@ -33,7 +33,7 @@ __all__ = [
     "with_step",
 ]
 
-ANIMATION_SUFFIXES = (".gif", ".html")
+ANIMATION_SUFFIXES = (".gif",)
 
 MAX_HALVINGS = 8
 """How often a step is halved: the line is off the curve by 65,536 times less then, nanometres."""
@@ -66,9 +66,7 @@ TrajectoryOption = Annotated[
         "Write the fastest trajectory: .csv (time, configuration, velocity), nav_msgs/Trajectory (.yaml, .nav2.json).",
     ),
 ]
-AnimateOption = Annotated[
-    Text, option("--animate", "FILE", "Write the robot along the trajectory: .gif, or .html with a slider.")
-]
+AnimateOption = Annotated[Text, option("--animate", "FILE", "Write the robot along the trajectory as a .gif.")]
 MaxSpeedOption = Annotated[
     Text, option("--max-speed", "M/S", f"Of the trajectory's reference point; default: {DEFAULT_SPEED:g}.")
 ]

@@ -13,7 +13,7 @@ from trailmark import colours
 __all__ = ["page_of"]
 
 SCRIPTS = (
-    *("geometry.js", "view.js", "scene.js", "files.js", "page.js", "link.js", "plans.js", "layers.js", "driving.js"),
+    *("geometry.js", "view.js", "scene.js", "files.js", "page.js", "link.js", "plans.js", "driving.js"),
     *("drawing.js", "pointer.js", "selection.js", "controls.js"),
 )
 """In the order in which they build on each other."""
@@ -28,7 +28,7 @@ def page_of(name: str) -> tuple[str, str]:
     folder = Path(__file__).parent / "assets"
     script = "\n".join((folder / file).read_text(encoding="utf-8") for file in SCRIPTS)
     parts = {"title": escape(f"{name} · trailmark live"), "script": script}
-    parts |= {color: getattr(colours, color) for color in ("MARGIN", "OBSTACLE", "PATH", "GOAL", "LANDMARK", "START")}
+    parts |= {color: getattr(colours, color) for color in ("MARGIN", "OBSTACLE", "PATH", "GOAL", "START")}
     page = Template((folder / "page.html").read_text(encoding="utf-8")).substitute(parts)
     digest = base64.b64encode(hashlib.sha256(f"\n{script}\n".encode()).digest()).decode()
     policy = (
