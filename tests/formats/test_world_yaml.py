@@ -79,7 +79,7 @@ def test_windows_line_ends_and_byte_order_mark(tmp_path: Path) -> None:
 coordinate = st.floats(-1e6, 1e6, allow_nan=False)
 length = st.floats(1e-6, 1e6)
 point = st.tuples(coordinate, coordinate)
-pose = st.tuples(coordinate, coordinate, st.floats(-10.0, 10.0))
+pose = st.tuples(coordinate, coordinate, st.floats(-9.0, 9.0))
 
 
 @st.composite
@@ -96,7 +96,7 @@ def polygons(draw: st.DrawFn, holes: bool) -> Polygon:
 
 obstacles = st.one_of(
     st.builds(Disc, point, length),
-    st.builds(Rectangle, point, length, length, st.floats(-10.0, 10.0)),
+    st.builds(Rectangle, point, length, length, st.floats(-9.0, 9.0)),
     polygons(holes=True),
 )
 speed = st.floats(-10.0, 10.0)
@@ -114,7 +114,7 @@ goals = st.one_of(
     st.builds(Goal, st.tuples(coordinate, coordinate), position_tolerance=distance, cost=distance),
     st.builds(Goal, pose, position_tolerance=distance, heading_tolerance=turn, cost=distance),
     st.builds(Goal, region=polygons(holes=False), cost=distance),
-    st.builds(Goal, region=polygons(holes=False), heading=st.floats(-10.0, 10.0), heading_tolerance=turn),
+    st.builds(Goal, region=polygons(holes=False), heading=st.floats(-9.0, 9.0), heading_tolerance=turn),
 )
 
 
@@ -148,7 +148,7 @@ def any_world(draw: st.DrawFn) -> World:
                 st.lists(
                     st.builds(CostZone, region, st.floats(0.1, 1e6))
                     | st.builds(KeepOutZone, region)
-                    | st.builds(OneWayZone, region, st.floats(-10.0, 10.0), st.floats(0.0, math.pi))
+                    | st.builds(OneWayZone, region, st.floats(-9.0, 9.0), st.floats(0.0, math.pi))
                     | st.builds(SpeedZone, region, length),
                     max_size=3,
                 )
