@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from trailmark.formats.any_path import read_any_path
-from trailmark.formats.nav2_messages import message_text, path_message, trajectory_message
+from trailmark.formats.path_files import message_text, path_message, trajectory_message
 
 STATES = np.array([[1e-5, -2.0, 0.0], [1e17, 3.5, math.pi], [0.1, 1e-300, -1.25]])
 TIMES = np.array([0.0, 1.9999999999, 12.25])

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from trailmark.errors import FormatError
-from trailmark.formats.cell_obstacles import CellObstacles, cells_of
-from trailmark.formats.packed_cells import packed_cells, unpacked_cells
+from trailmark.formats.grid import CellObstacles, cells_of, packed_cells, unpacked_cells
 from trailmark.formats.schema import GridEntry
 from trailmark.formats.world_yaml import world_from_data, world_text
 from trailmark.formats.yaml_data import parse_yaml

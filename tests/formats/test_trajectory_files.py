@@ -10,7 +10,7 @@ import yaml
 
 from trailmark import Path
 from trailmark.errors import ConfigurationError, OutputError
-from trailmark.formats.trajectory_files import HEADER, write_trajectory
+from trailmark.formats.path_files import HEADER, write_trajectory
 
 TRAJECTORY = Path(np.array([[1.0, 3.0, 0.0], [7.0, 3.0, 1.0], [7.0, 5.0, 1.0]])).timed(1.0, 0.7, 1.0)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trailmark.formats.cell_obstacles import cells_of
+from trailmark.formats.grid import cells_of
 from trailmark.path import Path
 from trailmark.planning.cell_index import CellIndex
 from trailmark.planning.final_check import FinalCheck

@@ -26,7 +26,7 @@ from trailmark.estimation.logs import load_log, save_log
 from trailmark.estimation.logs.records import Log
 from trailmark.exploration.history import History
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult
-from trailmark.formats import nav2_output
+from trailmark.formats import nav2_map
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
 from trailmark.se2 import FloatArray
 
@@ -46,7 +46,7 @@ FILES: Final = (
 )
 """Names of all files."""
 
-GREY = np.array([nav2_output.UNKNOWN, nav2_output.FREE, nav2_output.OCCUPIED], dtype=np.uint8)
+GREY = np.array([nav2_map.UNKNOWN, nav2_map.FREE, nav2_map.OCCUPIED], dtype=np.uint8)
 """By the state of a cell."""
 
 
@@ -139,7 +139,7 @@ def save_exploration(
     kept = *found, result.robot_state, result.seconds, result.decisions
     keep_exploration(SavedExploration(*kept, options or {}), path)
     result.world.save(path / "world.yaml")
-    nav2_output.save_nav2_cells(GREY[known.state], path / "map.yaml", known.cell, known.origin)
+    nav2_map.save_nav2_cells(GREY[known.state], path / "map.yaml", known.cell, known.origin)
     result.roadmap.save(path / "roadmap.npz")
     members = (f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in summary_of(result).items())
     write_atomically(path / "summary.json", "{\n" + ",\n".join(members) + "\n}\n")

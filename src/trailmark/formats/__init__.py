@@ -93,8 +93,7 @@ def _read(data: bytes, path: FilePath) -> World:
 
         return read_cfg(text, path)
 
-    from trailmark.formats.yaml_data import parse_yaml
-    from trailmark.formats.yaml_rows import with_rows
+    from trailmark.formats.yaml_data import parse_yaml, with_rows
 
     fields = with_rows(text, lambda part: parse_yaml(part, path))
     if not isinstance(fields, dict):

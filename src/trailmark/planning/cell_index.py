@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
-from trailmark.formats.cell_obstacles import CellObstacles
+from trailmark.formats.grid import CellObstacles
 from trailmark.planning.edge_index import IntArray, closed
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon, Shape

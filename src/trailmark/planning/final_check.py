@@ -18,7 +18,7 @@ import shapely
 
 from trailmark import se2
 from trailmark.curves import CurvePath
-from trailmark.formats.cell_obstacles import cells_of
+from trailmark.formats.grid import cells_of
 from trailmark.path import Path
 from trailmark.planning.cell_index import CellIndex
 from trailmark.planning.conservative_advancement import advance
