@@ -14,8 +14,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from trailmark.cli import main
 from trailmark.live.messages import MAX_BYTES
-from trailmark.live.page import page_of
-from trailmark.live.server import MAX_CLIENTS
+from trailmark.live.server import MAX_CLIENTS, page_of
 
 START, GOAL = [1.0, 1.0, 0.0], [17.0, 10.0, 1.57]
 

@@ -16,7 +16,7 @@ from trailmark import plotting
 from trailmark.path import Path
 from trailmark.planning.result import PlanResult, Status
 from trailmark.plotting.canvas import annotate, figure_of
-from trailmark.plotting.progress import add_progress
+from trailmark.plotting.plan import add_progress
 from trailmark.world import Robot, World
 
 HISTORY = ((0.004, 12.0), (0.05, 11.0), (0.2, 10.5))
