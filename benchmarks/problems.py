@@ -12,7 +12,7 @@ import numpy as np
 from tests.helpers.random_worlds import L_SHAPE, ROBOTS, random_world
 
 from trailmark.benchmark.problems import Problem
-from trailmark.benchmark.public.made_worlds import corner_ends, passage_world
+from trailmark.benchmark.public.graded import corner_ends, passage_world
 from trailmark.collision import StateChecker
 from trailmark.formats.movingai import read_scenarios
 from trailmark.landmarks import Relaxation, free_samples

@@ -108,7 +108,7 @@ def write_problems(folder: Path, worlds: int) -> Iterator[tuple[str, str]]:
     from tests.helpers.random_worlds import ROBOTS, random_world
 
     from benchmarks.problems import cars, cases
-    from trailmark.benchmark.public.made_worlds import corner_ends
+    from trailmark.benchmark.public.graded import corner_ends
     from trailmark.world import Query, Robot
 
     def put(question: str, world: World) -> tuple[str, str]:

@@ -44,7 +44,7 @@ def smaller(large: Path, file: Path) -> None:
 
 
 def live_page(folder: Path) -> None:
-    """Write the live page as it is on a desk and on a phone, with the office and its roadmap."""
+    """Write the live page as it is on a desk and on a phone, with the office."""
     from tests.helpers.chromium import browser, server
 
     from trailmark import World
@@ -55,8 +55,6 @@ def live_page(folder: Path) -> None:
             tab.open("about:blank", width, height)
             tab.open(address, width, height)
             tab.wait("trailmark.scene.path")
-            if width > 1000:
-                tab.run("document.querySelector('[data-layer=roadmap]').click()")
             time.sleep(4.0)
             tab.picture(folder / "live.png")
             Image.open(folder / "live.png").save(PICTURES / f"live-{width}.webp", quality=82, method=6)

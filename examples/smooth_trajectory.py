@@ -3,7 +3,7 @@
 
 What a controller follows: corners rounded within the free space, and the fastest time law along the way.
 
-``python examples/smooth_trajectory.py [WORLD] [ANIMATION.html|.gif]`` animates it as well.
+``python examples/smooth_trajectory.py [WORLD] [ANIMATION.gif]`` animates it as well.
 """
 
 import sys

@@ -125,11 +125,11 @@ def test_a_path_is_audited_and_repaired(checkout: Path, run: Run) -> None:
 
 @pytest.mark.slow
 def test_a_path_becomes_a_trajectory(checkout: Path, run: Run) -> None:
-    found = run("smooth_trajectory.py", "worlds/office.yaml", "drive.html")
+    found = run("smooth_trajectory.py", "worlds/office.yaml", "drive.gif")
     before, after = (float(line.split(" m in ")[1].split(" s")[0]) for line in found.splitlines()[:2])
     assert after < before
-    assert "drive.html: written" in found
-    assert "</html>" in (checkout / "drive.html").read_text()
+    assert "drive.gif: written" in found
+    assert (checkout / "drive.gif").read_bytes()[:3] == b"GIF"
 
 
 @pytest.mark.slow

@@ -43,17 +43,8 @@ def test_a_query_with_a_bad_end_is_refused(end: Any, error: type[Exception]) -> 
 @pytest.mark.parametrize(
     "bounds",
     [
-        (0, 0, 1),
-        (0, 0, 1, 1, 1),
-        (0, 0, math.inf, 1),
-        (0, math.nan, 1, 1),
-        (0, 0, 2 * BOUNDS_LIMIT, 1),
-        (0, 0, 10**400, 1),
-        (1, 0, 1, 1),
-        (0, 2, 1, 1),
-        ("a", 0, 1, 1),
-        None,
-        7,
+        *((0, 0, 1), (0, 0, 1, 1, 1), (1, 0, 1, 1), (0, 2, 1, 1), ("a", 0, 1, 1), None, 7),
+        *((0, 0, math.inf, 1), (0, math.nan, 1, 1), (0, 0, 2 * BOUNDS_LIMIT, 1), (0, 0, 10**400, 1)),
     ],
 )
 def test_bad_bounds_are_refused_in_one_line(bounds: Any) -> None:

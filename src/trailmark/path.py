@@ -140,12 +140,10 @@ class Path:
             frame: name of the coordinate frame, for messages and GeoJSON.
 
         Raises:
-            OutputError: another suffix, a path that cannot be written, or a file that trailmark did not write.
+            OutputError: another suffix, or a path that cannot be written.
         """
-        from trailmark.formats.outputs import require_replaceable
         from trailmark.formats.path_files import write_path
 
-        require_replaceable(FilePath(file))
         write_path(FilePath(file), self, frame=frame)
 
     def reversed(self) -> Path:

@@ -23,13 +23,13 @@ class Shown:
         Raises:
             ConfigurationError: an unknown layer, or a result that does not know its world.
         """
+        from trailmark.plotting.canvas import scene_of
         from trailmark.plotting.prompt import plot
-        from trailmark.plotting.scene import scene_of
 
         return plot(scene_of(self, robot, roadmap), ax, layers)
 
     def _repr_png_(self) -> bytes:
+        from trailmark.plotting.canvas import scene_of
         from trailmark.plotting.prompt import png_of
-        from trailmark.plotting.scene import scene_of
 
         return png_of(scene_of(self))

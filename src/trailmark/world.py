@@ -164,7 +164,7 @@ class World(Shown):
         Raises:
             WorldError: an array of another shape or kind, a resolution that is not above 0, or too many cells.
         """
-        from trailmark.formats.grid_world import world_of_grid
+        from trailmark.formats.grid import world_of_grid
 
         return world_of_grid(cells, resolution, origin, name)
 
@@ -222,7 +222,7 @@ class World(Shown):
             WorldError: another kind, or a number out of range.
             FormatError: the mask cannot be read.
         """
-        from trailmark.formats.nav2_mask import read_mask
+        from trailmark.formats.nav2_map import read_mask
 
         zones, sources = read_mask(FilePath(path), kind, **scale)
         boxes = np.array([zone.region.bounding_box() for zone in zones]).reshape(-1, 4)

@@ -18,7 +18,6 @@ from trailmark.benchmark import native
 from trailmark.benchmark.export import problem_text
 from trailmark.benchmark.native import (
     NativeError,
-    native_parameters,
     native_planners,
     native_program,
     native_versions,
@@ -129,25 +128,11 @@ def test_checker_answers_for_a_polygon_off_its_reference_point(name: str, worlds
 
 
 @built
-def test_checker_answers_for_a_round_robot_among_polygons(worlds: Path, tmp_path: Path) -> None:
-    assert_same_answers(World.load(worlds / "clutter.yaml"), Robot.disc(0.7), tmp_path)
-
-
-@built
 @pytest.mark.parametrize("name", ["Maze", "RandomPolygons"])
 def test_checker_answers_on_ompl_apps_problems(name: str, shared_data: Path, tmp_path: Path) -> None:
     world = World.load(shared_data / "omplapp" / f"{name}_planar.cfg")
     assert world.robot is not None
     assert_same_answers(world, world.robot, tmp_path)
-
-
-@built
-def test_grid_and_tiles_change_no_answer(worlds: Path, tmp_path: Path) -> None:
-    world = World.load(worlds / "office.yaml")
-    assert world.robot is not None
-    q = random_states(world, seed=5)
-    plain = native_valid(world, world.robot, q, tmp_path, "plain")
-    assert np.array_equal(plain, native_valid(world, world.robot, q, tmp_path))
 
 
 @built
@@ -283,33 +268,6 @@ def test_a_certified_car_drives_through_nothing(tmp_path: Path) -> None:
 
 
 @built
-def test_bit_star_samples_between_ends_with_different_headings() -> None:
-    """BIT* 1.5 alone leaves out an ellipse about start and goal, here all of the room but its corners."""
-    query = Query("turned", (1.0, 1.0, 0.0), (9.0, 1.0, np.pi))
-    wall = World("wall", (0.0, 0.0, 10.0, 3.0), (Rectangle((5.0, 0.9), 1.0, 1.6),), Robot.disc(0.2), queries=(query,))
-    answer = run_native(Problem(wall), JOB | {"planner": "native:BITstar+certified", "time_limit": 1.0})
-    assert answer["solved"]
-
-
-@built
-def test_the_parameters_that_a_planner_ended_up_with_are_told() -> None:
-    given = run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect:range=0.3"})["parameters"]
-    assert given == "intermediate_states=0,range=0.3"
-    own = run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect+certified"})["parameters"]
-    # OMPL's own: a fifth of the space's extent.
-    extent = np.hypot(10.0, 6.0) + 0.5 * np.pi
-    assert float(own.partition("range=")[2]) == pytest.approx(0.2 * extent)
-
-
-@built
-def test_parameters_reach_the_planner() -> None:
-    job = JOB | {"planner": "native:RRTConnect:range=0.3"}
-    states = np.array(run_native(Problem(ROOM), job)["path"])
-    assert np.hypot(*np.diff(states[:, :2], axis=0).T).max() <= 0.3 + 1e-9
-    assert native_parameters("native:RRTConnect") == ["intermediate_states", "range"]
-
-
-@built
 def test_the_same_seed_gives_the_same_path() -> None:
     runs = [run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect", "seed": seed}) for seed in (0, 0, 1)]
     assert runs[0]["path"] == runs[1]["path"] != runs[2]["path"]
@@ -415,12 +373,3 @@ def test_where_it_is_not_built_it_has_no_planners_and_says_so(tmp_path: Path, mo
     assert native_versions() == {}
     with pytest.raises(NativeError, match=r"TRAILMARK_NATIVE names .*README.md says how it is built"):
         run_native(Problem(ROOM), JOB | {"planner": "native:PRM"})
-
-
-def test_another_program_is_not_taken_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script = tmp_path / "other"
-    script.write_text("#!/bin/sh\necho hello\n")
-    script.chmod(0o755)
-    monkeypatch.setenv(native.VARIABLE, str(script))
-    with pytest.raises(NativeError, match="other: does not name its planners"):
-        native_planners()

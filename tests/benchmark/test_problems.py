@@ -13,7 +13,7 @@ from trailmark.benchmark.problems import Problem, problems_of, read_problem
 from trailmark.benchmark.resolution import Resolution
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError, WorldError
-from trailmark.formats.cell_obstacles import cells_of
+from trailmark.formats.grid import cells_of
 from trailmark.goals import Goal
 from trailmark.path import Path
 from trailmark.world import Query, Robot, World

@@ -95,26 +95,6 @@ def test_all_of_it_may_be_written_again(folder: Path) -> None:
     assert all(before[name] == after[name] for name in DATA if not name.endswith(".npz"))
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_a_file_of_somebody_else_is_kept(tmp_path: Path, name: str) -> None:
-    text = (
-        "mine:\n  own: 1\n" if name.endswith(".yaml") else '{"mine": 1}\0' if name != "summary.json" else '{"mine": 1}'
-    )
-    (tmp_path / name).write_text(text)
-    with pytest.raises(OutputError, match="a file that trailmark did not write is there"):
-        save_exploration(made_exploration(), tmp_path)
-    assert [file.name for file in tmp_path.iterdir()] == [name]
-    assert (tmp_path / name).read_text() == text
-
-
-def test_a_world_of_somebody_else_is_kept(tmp_path: Path) -> None:
-    made_exploration().world.save(tmp_path / "world.yaml")
-    before = (tmp_path / "world.yaml").read_bytes()
-    with pytest.raises(OutputError, match="expected a new folder"):
-        check_folder(tmp_path)
-    assert (tmp_path / "world.yaml").read_bytes() == before
-
-
 def test_a_place_that_can_be_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="expected a folder, got a file"):

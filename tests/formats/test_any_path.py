@@ -12,8 +12,7 @@ import pytest
 
 from trailmark.errors import FormatError
 from trailmark.formats.any_path import read_any_path
-from trailmark.formats.path_files import write_path
-from trailmark.formats.trajectory_files import write_trajectory
+from trailmark.formats.path_files import write_path, write_trajectory
 
 STATES = [[1.0, 2.0, 0.5], [1.5, -2.25, 3.0], [4.0, 0.0, -1.25]]
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
-from trailmark.formats.cell_obstacles import CellObstacles, cells_of
-from trailmark.formats.grid import grid_polygons, grid_sides
+from trailmark.formats.grid import CellObstacles, cells_of, grid_polygons, grid_sides
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 

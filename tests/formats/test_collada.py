@@ -169,42 +169,31 @@ DEEP = "".join(
         ("", "not valid XML: no element found"),
         ("hello", "m.dae:1: not valid XML: syntax error"),
         ("<COLLADA>\n<a></b></COLLADA>", "m.dae:2: not valid XML: mismatched tag"),
-        ('<?xml version="1.0" encoding="nonsense"?><COLLADA/>', "m.dae"),
         ("<svg/>", "expected <COLLADA>, got <svg>"),
         ("<COLLADA/>", "expected an <instance_visual_scene>, got none"),
         (document().replace('url="#s"', 'url="#x"'), "<instance_visual_scene> refers to '#x', which is not there"),
         (document(nodes='<instance_geometry url="#h"/>'), "<instance_geometry> refers to '#h', which is not there"),
         (document(nodes='<instance_node url="#n"/>'), "expected nodes nested at most 64 levels deep, got more"),
-        (document(nodes=""), "expected a scene that places one face or more, got none"),
-        (document(faces=f"<lines>{INPUT}<p>0 1</p></lines>"), "expected a scene that places one face or more,"),
-        (document(faces=f"<triangles>{INPUT}</triangles>"), "expected a scene that places one face or more, got"),
         (document(nodes="<matrix>1 2 3</matrix>"), "expected 16 numbers, got 3"),
         (document(nodes="<lookat>1 2 3</lookat>"), "expected <matrix>, <translate>, <rotate>, <scale>, got <lookat>"),
-        (document(nodes="<scale>a b c</scale>"), "<scale> holds something other than numbers"),
         (document(positions=SQUARE.replace("2", "nan")), "a coordinate that is not a finite number given"),
         (document(positions=SQUARE.replace("2", "9e15")), "expected coordinates of at most 1e+08 m, got 9e+15 m"),
-        (document(positions=SQUARE.replace("2", "two")), "<float_array> holds something other than numbers"),
         (document(positions="0 0 0 1 0 0"), "input POSITION has an index beyond its 2 entries"),
         (document(faces=TRIANGLES.replace("0 1 2", "0 1 -2")), "input POSITION has an index beyond its 4 entries"),
-        (document(faces=TRIANGLES.replace("0 1 2", "0 1 x")), "<p> holds something other than numbers"),
         (document(faces="<triangles><p>0 1 2</p></triangles>"), "<triangles> has no input VERTEX"),
         (
             document(faces=TRIANGLES.replace("#v", "#uv").replace("0 1 2 0 2 3", "0 1 0")),
             "<triangles> has no POSITION of three numbers",
         ),
         (document(faces=TRIANGLES.replace("#v", "#w")), "<input> refers to '#w', which is not there"),
-        (document(faces=TRIANGLES.replace("#v", "#g")), "input VERTEX has no <accessor>"),
         (document(faces=f"<polylist>{INPUT}<vcount>9</vcount><p>0 1 2</p></polylist>"), "<vcount> asks for 9 corners"),
-        (document(faces=f"<polygons>{INPUT}<ph/></polygons>"), "expected a scene that places one face or more,"),
         (document(faces=f"<polygons>{INPUT}<ph/><p>0 1 2</p></polygons>"), "expected polygons without holes, got"),
         (document(faces=TRIANGLES.replace('offset="0"', 'offset="3"')), "no multiple of 4"),
         (
             document(faces=TRIANGLES.replace('offset="0"', 'offset="x"')),
             "expected a whole number, 0 or more, got 'x'",
         ),
-        (document(faces=TRIANGLES.replace('offset="0"', 'offset="-1"')), "<input> offset: expected a whole"),
         (document().replace('count="4"', 'count="-4"'), "<accessor> count: expected a whole number, 0 or more,"),
-        (document().replace('source="#p"', 'source="#v"'), "input POSITION has no <accessor>"),
         (document().replace('stride="3"', 'stride="9"'), "<accessor> asks for 4 x 9 numbers, 12 are there"),
         (document(up="<up_axis>UP</up_axis>"), "expected X_UP, Y_UP, Z_UP, got 'UP'"),
     ],
@@ -219,13 +208,6 @@ def test_bad_meshes(tmp_path: Path, text: str, problem: str) -> None:
 def test_instances_that_multiply_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(collada, "MAX_FACES", 1000)
     nodes = f'<library_nodes>{DEEP}<node id="d40"><instance_geometry url="#g"/></node></library_nodes>'
-    with pytest.raises(FormatError, match="expected at most 1,000 nodes and faces placed, got more"):
-        read(tmp_path, document(nodes='<instance_node url="#d0"/>', extra=nodes))
-
-
-def test_empty_instances_that_multiply_are_bounded_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(collada, "MAX_FACES", 1000)
-    nodes = f'<library_nodes>{DEEP}<node id="d40"/></library_nodes>'
     with pytest.raises(FormatError, match="expected at most 1,000 nodes and faces placed, got more"):
         read(tmp_path, document(nodes='<instance_node url="#d0"/>', extra=nodes))
 

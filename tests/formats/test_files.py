@@ -4,10 +4,17 @@ import os
 import stat
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from trailmark.errors import FormatError, OutputError
 from trailmark.formats import files
+from trailmark.formats.files import require_not_an_input
+from trailmark.plotting import save_world_figure
+from trailmark.world import World
+
+NAV2 = "image: yard.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\n"
 
 root = pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 
@@ -148,3 +155,59 @@ def test_a_protected_file_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "a").chmod(0)
     with pytest.raises(FormatError, match="Permission denied"):
         files.read_bytes(tmp_path / "a")
+
+
+def picture(file: Path) -> Path:
+    Image.fromarray(np.full((20, 30), 254, dtype=np.uint8)).save(file)
+    return file
+
+
+def test_an_input_is_known_by_whatever_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sub").mkdir()
+    real = picture(tmp_path / "real.png")
+    (tmp_path / "soft.png").symlink_to(real)
+    (tmp_path / "dir").symlink_to(tmp_path)
+    os.link(real, tmp_path / "hard.png")
+    monkeypatch.chdir(tmp_path)
+    names = ["real.png", "./real.png", "sub/../real.png", "soft.png", "hard.png", "dir/real.png", str(real)]
+    for name in names:
+        with pytest.raises(OutputError, match=r"expected another file") as caught:
+            require_not_an_input(Path(name), [Path("nowhere"), real])
+        assert str(caught.value).startswith(str(Path(name)))
+    picture(tmp_path / "other.png")
+    for name in ("other.png", "new.png", "sub", "/dev/null"):
+        require_not_an_input(Path(name), [real, Path("/dev/null"), Path("x" * 400), Path("nul\0")])
+
+
+def test_own_worlds_are_written_again_and_maps_are_not(tmp_path: Path) -> None:
+    world = World("yard", (0.0, 0.0, 3.0, 2.0))
+    own = tmp_path / "own.yaml"
+    world.save(own)
+    World.load(own).save(own)  # as somebody who edits it does
+
+    picture(tmp_path / "yard.pgm")
+    (tmp_path / "map.yaml").write_text(NAV2)
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    loaded = World.load(tmp_path / "map.yaml")
+    assert set(loaded.sources) == {tmp_path / "map.yaml", tmp_path / "yard.pgm"}
+    for name in ("map.yaml", "yard.pgm"):
+        with pytest.raises(OutputError, match="same file as the input"):
+            loaded.save(tmp_path / name)
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_a_picture_never_replaces_the_map_it_shows(tmp_path: Path) -> None:
+    image = picture(tmp_path / "yard.png")
+    (tmp_path / "map.yaml").write_text(NAV2.replace("pgm", "png"))
+    before = image.read_bytes()
+    with pytest.raises(OutputError, match="same file as the input"):
+        save_world_figure(image, World.load(tmp_path / "map.yaml"))
+    assert image.read_bytes() == before
+
+
+def test_sources_are_no_part_of_a_world(tmp_path: Path) -> None:
+    world = World("yard", (0.0, 0.0, 3.0, 2.0))
+    world.save(tmp_path / "yard.yaml")
+    again = World.load(tmp_path / "yard.yaml")
+    assert again.sources == (tmp_path / "yard.yaml",)
+    assert (again, hash(again), repr(again)) == (world, hash(world), repr(world))

@@ -85,12 +85,12 @@ def test_an_image_is_read_without_a_map_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "keys", "problem"),
     [
-        ((0,), {}, r"resolution: expected a finite number above 0 \(metres per pixel\), got 0"),
-        (("1",), {}, "resolution: expected a finite number above 0"),
-        ((1, (0,)), {}, r"origin: expected \[x, y, yaw\] of finite numbers \(metres, radians\), got \[0\]"),
-        ((1, "here"), {}, "origin: expected"),
-        ((1, (0, math.nan)), {}, "expected a finite number, got nan"),
-        ((1,), {"mode": "binary"}, "mode: expected trinary, scale, raw, got 'binary'"),
+        ((0,), {}, "resolution: "),
+        (("1",), {}, "resolution: "),
+        ((1, (0,)), {}, "origin: "),
+        ((1, "here"), {}, "origin: "),
+        ((1, (0, math.nan)), {}, r"origin\[1\]: "),
+        ((1,), {"mode": "binary"}, "mode: "),
     ],
 )
 def test_an_image_with_wrong_fields(
@@ -298,26 +298,20 @@ def test_noise_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "problem"),
     [
-        ({"resolution": None}, "resolution: expected a finite number above 0 (metres per pixel), got nothing"),
-        ({"resolution": 0}, "resolution: expected a finite number above 0 (metres per pixel), got 0"),
-        ({"resolution": "'0.05'"}, "resolution: expected a finite number above 0 (metres per pixel), got '0.05'"),
-        ({"resolution": ".nan"}, "resolution: expected a finite number above 0 (metres per pixel), got nan"),
-        ({"origin": "[0, 0]"}, "origin__0/map.yaml: origin: expected [x, y, yaw] of finite numbers (metres,"),
-        ({"origin": "[0, 0, .inf]"}, "origin[2]: expected a finite number, got inf"),
-        ({"negate": 2}, "negate: expected 0 or 1, got 2"),
-        ({"occupied_thresh": 65}, "occupied_thresh: expected a number from 0 to 1, got 65"),
-        ({"free_thresh": -0.1}, "free_thresh: expected a number from 0 to 1, got -0.1"),
-        ({"mode": "binary"}, "mode: expected trinary, scale, raw, got 'binary'"),
-        ({"image": ""}, "image: expected the path of an image file, got None"),
-        ({"image": "''"}, "image: expected the path of an image file, got ''"),
-        ({"image": "[a]"}, "image__0/map.yaml: image: expected the path of an image file, got ['a']"),
+        *(({"resolution": value}, "resolution: ") for value in (None, 0, "'0.05'", ".nan")),
+        ({"origin": "[0, 0]"}, "origin: "),
+        ({"origin": "[0, 0, .inf]"}, "origin[2]: "),
+        ({"negate": 2}, "negate: "),
+        ({"occupied_thresh": 65}, "occupied_thresh: "),
+        ({"free_thresh": -0.1}, "free_thresh: "),
+        ({"mode": "binary"}, "mode: "),
+        *(({"image": value}, "image: ") for value in ("", "''", "[a]")),
     ],
 )
 def test_bad_fields(tmp_path: Path, keys: dict[str, Any], problem: str) -> None:
     with pytest.raises(FormatError) as caught:
         load_world(write_map(tmp_path, grey([0]), **keys))
-    assert str(caught.value).startswith(f"{tmp_path / 'map.yaml'}: ")
-    assert problem in str(caught.value)
+    assert str(caught.value).startswith(f"{tmp_path / 'map.yaml'}: {problem}")
 
 
 @pytest.mark.parametrize("keys", [{"resolution": "1e-320"}, {"resolution": "1e-9", "origin": "[1e12, 0, 0]"}])

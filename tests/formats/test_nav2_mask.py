@@ -12,7 +12,7 @@ from PIL import Image
 
 from trailmark import KeepOutZone, SpeedZone, World
 from trailmark.errors import FormatError, WorldError
-from trailmark.formats.nav2_mask import read_mask
+from trailmark.formats.nav2_map import read_mask
 
 PLAIN = World("w", (0.0, 0.0, 9.0, 9.0))
 

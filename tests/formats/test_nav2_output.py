@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from trailmark.formats.nav2_output import save_nav2_map
+from trailmark.formats.nav2_map import save_nav2_map
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import ObstacleEstimate, World
 

@@ -10,8 +10,7 @@ import yaml
 
 from trailmark import Path
 from trailmark.errors import ConfigurationError, OutputError
-from trailmark.formats.outputs import require_replaceable
-from trailmark.formats.trajectory_files import HEADER, write_trajectory
+from trailmark.formats.path_files import HEADER, write_trajectory
 
 TRAJECTORY = Path(np.array([[1.0, 3.0, 0.0], [7.0, 3.0, 1.0], [7.0, 5.0, 1.0]])).timed(1.0, 0.7, 1.0)
 
@@ -22,7 +21,6 @@ def test_rows_are_the_arrays(tmp_path: FilePath) -> None:
     assert file.read_text().splitlines()[0] == HEADER
     rows = np.loadtxt(file, delimiter=",", skiprows=1)
     np.testing.assert_array_equal(rows, np.column_stack([TRAJECTORY.t, TRAJECTORY.q, TRAJECTORY.dq]))
-    require_replaceable(file)
 
 
 @pytest.mark.parametrize("name", ["drive.yaml", "drive.nav2.json"])
@@ -33,7 +31,6 @@ def test_nav2s_message_has_a_point_a_row(tmp_path: FilePath, name: str) -> None:
     assert message["header"]["frame_id"] == "odom"
     assert len(message["points"]) == len(TRAJECTORY.t)
     assert message["points"][-1]["pose"]["position"]["y"] == 5.0
-    require_replaceable(file)
 
 
 def test_what_cannot_be_written_is_refused(tmp_path: FilePath) -> None:

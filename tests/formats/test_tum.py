@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trailmark.errors import OutputError, WorldError
-from trailmark.formats.tum import write_tum
+from trailmark.formats.path_files import write_tum
 
 
 def test_rows_are_time_place_and_quaternion(tmp_path: Path) -> None:

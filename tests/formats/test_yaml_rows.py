@@ -10,8 +10,7 @@ import pytest
 
 from trailmark.errors import FormatError
 from trailmark.formats.world_yaml import world_text
-from trailmark.formats.yaml_data import Data, parse_yaml
-from trailmark.formats.yaml_rows import FEWEST, with_rows
+from trailmark.formats.yaml_data import FEWEST, Data, parse_yaml, with_rows
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import World
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from tests.helpers.oracle import Oracle, motion_states
 
-from trailmark.formats.cell_obstacles import CellObstacles
+from trailmark.formats.grid import CellObstacles
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.benchmark.public.made_worlds import random_world, star_polygon
+from trailmark.benchmark.public.graded import random_world, star_polygon
 from trailmark.world import Robot, World
 
 __all__ = [

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from trailmark.live.access import is_loopback, refusal
+from trailmark.live.server import is_loopback, refusal
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "LOCALHOST", "::1", "[::1]", "127.8.8.8"])

@@ -27,8 +27,7 @@ BAD = {
     "a field left out": ('{"id": 3, "type": "plan", "start": [0, 0, 0]}', 3, "plan.goal: expected"),
     "a text for seconds": ('{"id": 3, "type": "plan", "start": [], "goal": [], "time_limit": "1"}', 3, "time_limit"),
     "an hour": ('{"id": 3, "type": "plan", "start": [], "goal": [], "time_limit": 3600}', 3, "at most 60, got 3600"),
-    "true for a number": ('{"id": 3, "type": "layer", "name": "field", "heading": true}', 3, "layer.heading: expected"),
-    "infinity": ('{"id": 3, "type": "layer", "name": "field", "heading": 1e999}', 3, "layer.heading: expected"),
+    "infinity": ('{"id": 3, "type": "plan", "start": [], "goal": [], "time_limit": 1e999}', 3, "time_limit"),
 }
 
 

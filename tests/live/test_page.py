@@ -252,12 +252,8 @@ def test_a_world_without_a_way_shows_why(tab: Browser, address: str) -> None:
     assert tab.complaints == []
 
 
-def test_layers_and_driving(tab: Browser, address: str) -> None:
-    show(tab, address, 800)  # layers are drawn for each pixel
-    tab.run("document.querySelectorAll('[data-layer]').forEach(box => box.click())")
-    tab.wait("['field', 'lattice', 'c-obstacle'].every(name => trailmark.layers.get(name)?.picture)")
-    tab.wait("trailmark.layers.get('roadmap')?.nodes.length > 10")
-    tab.run("document.querySelectorAll('[data-layer]').forEach(box => box.click())")
+def test_driving(tab: Browser, address: str) -> None:
+    show(tab, address, 800)
     tab.run("document.getElementById('speed').value = 20, document.getElementById('play').click()")
     tab.wait("document.getElementById('play').textContent === 'Stop'")
     tab.wait("document.getElementById('play').textContent === 'Play'")

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import base64
 from threading import Event
 from typing import Any
 
@@ -10,7 +9,6 @@ import shapely
 
 from trailmark import Disc, Polygon, Rectangle, Robot, World
 from trailmark.errors import TrailmarkError
-from trailmark.live.layer_data import LAYERS
 from trailmark.live.messages import FIELDS, Message
 from trailmark.live.session import MAX_OBSTACLES, Session
 from trailmark.planning import PlanResult
@@ -263,37 +261,3 @@ def test_what_is_opened_is_a_world_file_or_a_shipped_name(fields: dict[str, Any]
     client = Client()
     with pytest.raises(TrailmarkError, match="expected"):
         client.ask("open", **fields)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LAYERS)
-def test_layers(name: str) -> None:
-    client = Client()
-    client.states()
-    (layer,) = client.ask("layer", name=name, heading=0.0)
-    if name == "roadmap":
-        nodes, edges = np.array(layer["nodes"]).reshape(-1, 3), np.array(layer["edges"]).reshape(-1, 2)
-        assert len(nodes) == len(client.session.planner.roadmap)
-        lines = [shapely.LineString(nodes[edge, :2]) for edge in edges]
-        assert not any(line.intersects(shapely.box(4.85, 0.0, 5.15, 6.0)) for line in lines)
-        return
-    grid = np.frombuffer(base64.b64decode(layer["cells"]), np.uint8).reshape(layer["rows"], layer["columns"])
-
-    def at(x: float, y: float) -> int:
-        column, row = ((v - o) / layer["size"] for v, o in zip((x, y), layer["origin"], strict=True))
-        return int(grid[int(row), int(column)])
-
-    if name == "c-obstacle":
-        assert at(5.0, 3.0) == at(4.6, 3.0) == at(0.2, 4.0) == 255  # within half a length of the wall and the bound
-        assert at(4.4, 3.0) == at(0.4, 4.0) == 0
-    elif name == "lattice":
-        assert at(1.0, 1.0) > at(5.0, 7.0) > at(9.0, 3.0) > 0
-        assert at(5.0, 3.0) == 0
-    else:
-        assert at(5.0, 3.0) == 0
-        assert at(2.5, 4.0) * layer["most"] / 255.0 == pytest.approx(2.3, abs=0.2)
-
-
-def test_no_such_layer() -> None:
-    with pytest.raises(TrailmarkError, match="expected c-obstacle, field"):
-        Client().ask("layer", name="walls")

@@ -10,7 +10,7 @@ from PIL import Image
 
 from trailmark import Disc, Path, Rectangle, World
 from trailmark.errors import OutputError
-from trailmark.plotting import Frame, save_animation
+from trailmark.plotting import Frame, save_animation, save_trajectory_animation
 from trailmark.world import Robot
 
 WORLD = World("room", (0.0, 0.0, 8.0, 4.0), (Rectangle((4.0, 1.0), 1.0, 2.0),))
@@ -53,3 +53,13 @@ def test_bad_files_are_refused_and_nothing_is_written(tmp_path: FilePath) -> Non
     with pytest.raises(OutputError):
         save_animation(tmp_path / "nowhere" / "drive.gif", frames(), ROBOT)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("goal", [1.0, 1.3])
+def test_a_drive_is_shown_at_the_times_that_it_takes(tmp_path: FilePath, goal: float) -> None:
+    drive = Path(np.array([[1.0, 3.0, 3.0], [goal, 3.0, 3.0 if goal == 1.0 else -3.0]])).timed(1.0, 1.0, 1.0)
+    save_trajectory_animation(tmp_path / "drive.gif", drive, WORLD, ROBOT)
+    with Image.open(tmp_path / "drive.gif") as picture:
+        assert getattr(picture, "n_frames", 1) in (1, int(np.ceil(drive.duration / 0.1)) + 1)
+        assert goal == 1.0 or picture.info["duration"] == 100

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 from tests.support.pictures import colours_of, is_colour
@@ -20,7 +18,6 @@ from trailmark.landmarks.executions import Execution, execute_paper, execute_se2
 from trailmark.path import Path
 from trailmark.plotting import landmarks, save_landmarks_figure
 from trailmark.plotting.canvas import write
-from trailmark.plotting.world import regions_of
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
@@ -38,7 +35,6 @@ ROOM = World(
     ROBOT,
     queries=(QUERY, Query("back", QUERY.goal, QUERY.start)),
 )
-SOLID = shapely.union_all([shape.polygon(1e-3).shapely() for shape in ROOM.obstacles])
 PLANNED: Any = [
     (QUERY, Roadmap(StateChecker(ROOM)), Path(np.array([QUERY.start, (5.5, 4.0, 0.0), QUERY.goal]))),
     (ROOM.queries[1], Roadmap(StateChecker(ROOM)), None),
@@ -50,93 +46,6 @@ def executions() -> list[Execution]:
     checker = StateChecker(ROOM)
     start = np.array(QUERY.start)
     return [execute_paper(checker, 400, 8, random_state=seed, start=start) for seed in range(3)]
-
-
-class Canvas:
-    """An image of axes that fill it and show the room's bounds."""
-
-    def __init__(self, per_metre: int = 50) -> None:
-        self.per_metre = per_metre
-        figure = Figure(figsize=(10.0, 6.0), dpi=per_metre)
-        self.canvas: Any = FigureCanvasAgg(figure)
-        self.axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        self._limits()
-
-    def _limits(self) -> None:
-        self.axes.set_axis_off()
-        self.axes.set_xlim(0.0, 10.0)
-        self.axes.set_ylim(0.0, 6.0)
-
-    def pixels(self) -> Any:
-        """Return rgb in 0..1 (h, w, 3), and the pixels' places as points (h, w)."""
-        rgb = self.colours()
-        return rgb, self.points(*np.indices(rgb.shape[:2]))
-
-    def colours(self) -> Any:
-        """Return rgb in 0..1 (h, w, 3)."""
-        self._limits()
-        self.canvas.draw()
-        return np.asarray(self.canvas.buffer_rgba())[..., :3] / 255.0
-
-    def points(self, rows: Any, columns: Any) -> Any:
-        """Return the places of pixels as points."""
-        return shapely.points((columns + 0.5) / self.per_metre, 6.0 - (rows + 0.5) / self.per_metre)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("margin", [None, "C-obstacle"])
-def test_obstacles_are_black_and_the_margin_grey(margin: str | None) -> None:
-    canvas = Canvas(per_metre=30)
-    landmarks._draw_ground(canvas.axes, ROOM, regions_of(ROOM, ROBOT), margin)
-    rgb, points = canvas.pixels()
-    walls = shapely.box(*ROOM.bounds).exterior
-    off_frame = shapely.distance(walls, points) > 0.1
-    gap = shapely.distance(SOLID, points)
-    inside = (gap == 0.0) & (shapely.distance(SOLID.boundary, points) > 0.05) & off_frame
-    assert is_colour(rgb[inside], landmarks.BLACK).all()
-    reach = np.minimum(gap, shapely.distance(walls, points))
-    grown = (gap > 0.05) & (reach < 0.35) & off_frame
-    assert grown.sum() > 3600
-    assert is_colour(rgb[grown], landmarks.GREY if margin else "white").all()
-    assert is_colour(rgb[reach > 0.45], "white").all()
-
-
-@pytest.mark.slow
-def test_the_initial_execution_shows_boxes_and_all_kinds_of_points(executions: list[Execution]) -> None:
-    canvas = Canvas(per_metre=160)
-    landmarks.draw_initial_execution(canvas.axes, executions[0])
-    rgb = canvas.colours()
-    boxes = shapely.union_all([shapely.box(*box) for box in executions[0].boxes])
-    orange = is_colour(rgb, landmarks.FORBIDDEN, 0.2)
-    assert orange.sum() > 500
-    assert (shapely.distance(boxes, canvas.points(*np.nonzero(orange))) < 0.1).all()
-    blue = is_colour(rgb, landmarks.VALID, 0.1)
-    assert blue.sum() > 300
-    assert not shapely.contains(boxes.buffer(-0.15), canvas.points(*np.nonzero(blue))).any()
-    assert executions[0].enclosed.any()
-    pink = is_colour(rgb, landmarks.ENCLOSED, 0.15)
-    assert pink.any()
-    assert shapely.contains(shapely.box(5.9, 0.9, 8.1, 2.7), canvas.points(*np.nonzero(pink))).all()
-
-
-@pytest.mark.slow
-def test_an_execution_shows_centres_and_as_many_colours_as_clusters(executions: list[Execution]) -> None:
-    canvas = Canvas()
-    canvas.axes.set_xlim(0.0, 10.0)
-    canvas.axes.set_ylim(0.0, 6.0)
-    landmarks.draw_execution(canvas.axes, executions[0], ROOM.bounds)
-    rgb, points = canvas.pixels()
-    centres = executions[0].centres
-    for centre, invalid in zip(centres, executions[0].invalid, strict=True):
-        near = shapely.distance(shapely.Point(centre), points) < 0.04
-        assert is_colour(rgb[near], landmarks.FORBIDDEN if invalid else LANDMARK, 0.05).any()
-    colours = landmarks._colours(centres)
-    assert len(np.unique(colours.round(3), axis=0)) == 8
-    for label, colour in enumerate(colours):
-        like = np.abs(rgb - colour).max(axis=-1) < 0.05
-        assert like.any()
-        far = np.linalg.norm(shapely.get_coordinates(points[like])[:, None] - centres[None], axis=2)
-        assert (far[:, label] < far.min(axis=1) + 0.1).mean() > 0.9
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import shapely
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 from tests.support.forks import Forks
@@ -122,12 +121,6 @@ def test_margin_is_what_the_reference_point_cannot_enter(robot: Robot) -> None:
     assert is_colour(rgb[reach > radius + 2 * canvas.size], "white").all()
 
 
-def test_a_robot_beside_its_reference_point_has_no_margin() -> None:
-    canvas = Canvas(ROOM.bounds)
-    plotting.draw_world(canvas.axes, ROOM, Robot.polygon([[1, -0.2], [2, -0.2], [2, 0.2]]))
-    assert is_colour(canvas.pixels()[0], plotting.MARGIN).mean() < 0.001  # smoothed edges may chance on it
-
-
 @pytest.mark.slow
 def test_outside_of_boundary_and_bounds_is_shaded_over_what_lies_there() -> None:
     triangle = np.array([[1.0, 0.5], [9.0, 0.5], [5.0, 5.5]])
@@ -180,36 +173,6 @@ def test_roadmap_edges_by_what_is_known_of_them() -> None:
     assert min(free, last) > 1.5 * undecided
     assert undecided > 0.03
     assert blocked == 0.0
-
-
-def test_edges_that_are_not_checked_lie_under_the_obstacles() -> None:
-    canvas = Canvas(ROOM.bounds, per_metre=80)
-    plotting.draw_world(canvas.axes, ROOM)
-    plotting.draw_plan(canvas.axes, CAR, roadmap=roadmap_of([(0.5, 4.0, 0.0), (2.5, 4.0, 0.0)], [UNDECIDED]))
-    assert ink(canvas, 1.5, 4.0) == pytest.approx(1.0 - to_rgb(plotting.OBSTACLE)[1], abs=0.005)
-    assert 0.03 < ink(canvas, 2.35, 4.0) < 0.2
-
-
-@pytest.mark.parametrize(("robot", "ticks"), [(CAR, True), (Robot.disc(0.2), False)])
-def test_landmarks_have_heading_ticks_unless_the_robot_is_a_disc(robot: Robot, ticks: bool) -> None:
-    canvas = Canvas((0.0, 0.0, 2.0, 2.0), per_metre=200)
-    plotting.draw_plan(canvas.axes, robot, roadmap=roadmap_of([(1.0, 1.0, 2.0)], []))
-    rgb, x, y = canvas.pixels()
-    inked = np.argwhere(is_colour(rgb, plotting.LANDMARK, 0.3))
-    assert len(inked) > 5
-    reach = np.array([x[tuple(at)] - 1.0 for at in inked]), np.array([y[tuple(at)] - 1.0 for at in inked])
-    along = reach[0] * math.cos(2.0) + reach[1] * math.sin(2.0)
-    assert (along.max() > -1.5 * along.min()) == ticks
-
-
-@pytest.mark.slow
-def test_a_dense_roadmap_stays_lighter_than_its_landmarks() -> None:
-    rng = np.random.default_rng(1)
-    at = [(float(x), float(y), 0.0) for x, y in rng.uniform((1, 1), (9, 5), (4000, 2))]
-    canvas = Canvas(ROOM.bounds)
-    plotting.draw_plan(canvas.axes, CAR, roadmap=roadmap_of(at, [FREE] * 3999))
-    rgb = canvas.pixels()[0]
-    assert rgb.mean() > np.mean(to_rgb(plotting.EDGE))
 
 
 def test_empty_roadmap_and_single_state_path_can_be_drawn() -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import combinations, pairwise
+from itertools import combinations
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
@@ -16,7 +14,7 @@ from trailmark import plotting
 from trailmark.path import Path
 from trailmark.planning.result import PlanResult, Status
 from trailmark.plotting.canvas import annotate, figure_of
-from trailmark.plotting.progress import add_progress
+from trailmark.plotting.plan import add_progress
 from trailmark.world import Robot, World
 
 HISTORY = ((0.004, 12.0), (0.05, 11.0), (0.2, 10.5))
@@ -39,19 +37,6 @@ def test_steps_from_the_first_path_to_the_end_above_the_bound() -> None:
     assert right > 500.0
     assert low < 10.0
     assert high > 12.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("history", [((0.01, 5.0),), ((0.01, 0.0),), ((2e-4, 5.0), (900.0, 1.0))])
-@pytest.mark.parametrize("total", [0.0, 1000.0])
-def test_one_path_and_long_times(history: tuple[tuple[float, float], ...], total: float) -> None:
-    axes = Figure().subplots()
-    plotting.draw_progress(axes, history, total)
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    assert 0.0 < left < 1e3 * history[0][0] < right
-    assert low < history[-1][1] <= history[0][1] < high
-    assert len(axes.get_xticks()) <= 15
-    assert len(axes.lines) == 2
 
 
 @pytest.mark.slow
@@ -91,20 +76,3 @@ def test_pictures_of_plans_have_it_if_there_is_a_path(tmp_path: FilePath) -> Non
         text = file.read_text()
         for label in ("planning time [ms]", "lower bound"):
             assert (f"<!-- {label} -->" in text) == (found is not None)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("total", [2e-3, 0.5, 20.0, 9000.0])
-@pytest.mark.parametrize("size", [(0.0, 0.0, 40.0, 40.0), (0.0, 0.0, 60.0, 20.0)])
-def test_times_do_not_collide(total: float, size: tuple[float, float, float, float]) -> None:
-    figure, axes = figure_of(World("room", size))
-    annotate(figure, axes, "title", "facts")
-    add_progress(figure, axes, ((0.0015, 20.5915), (total, 20.5912)), total, 20.5911)
-    canvas: Any = FigureCanvasAgg(figure)
-    canvas.draw()
-    panel = figure.axes[1]
-    assert len(panel.get_xticks()) > 0
-    for axis in (panel.xaxis, panel.yaxis):
-        assert axis.get_offset_text().get_text() == ""
-        boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
-        assert not any(a.overlaps(b) for a, b in pairwise(boxes))

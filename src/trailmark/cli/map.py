@@ -253,8 +253,8 @@ def map_log(
         from trailmark.estimation.graph.g2o import write_g2o
         from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.maps.log_map import map_log as map_records
-        from trailmark.formats.nav2_output import save_nav2_map
-        from trailmark.formats.tum import write_tum
+        from trailmark.formats.nav2_map import save_nav2_map
+        from trailmark.formats.path_files import write_tum
 
         protect_inputs(
             (*log_files(log), *robot_file(robot)), world_file, picture, tum_file, g2o_file, nav2_file, image_file

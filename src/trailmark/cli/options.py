@@ -278,20 +278,15 @@ def steered(robot: Robot, turning_radius: float | None, forward_only: bool, driv
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
     """Return the file to be written, once its suffix is known and it can be written; None for None.
 
-    Without suffixes, the function that writes the file checks what is there already.
-
     Raises:
-        OutputError: another suffix, a file that cannot be written, or one that trailmark did not write.
+        OutputError: another suffix, or a file that cannot be written.
     """
     if text is None:
         return None
     from trailmark.formats.files import check_writable
-    from trailmark.formats.outputs import require_replaceable
 
     file = Path(text)
     check_writable(file, suffixes)
-    if suffixes:
-        require_replaceable(file)
     return file
 
 
@@ -301,7 +296,7 @@ def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
     Raises:
         OutputError: it is.
     """
-    from trailmark.formats.outputs import require_not_an_input
+    from trailmark.formats.files import require_not_an_input
 
     read, written = tuple(inputs), set[Path]()
     for file in filter(None, outputs):

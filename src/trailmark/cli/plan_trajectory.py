@@ -33,7 +33,7 @@ __all__ = [
     "with_step",
 ]
 
-ANIMATION_SUFFIXES = (".gif", ".html")
+ANIMATION_SUFFIXES = (".gif",)
 
 MAX_HALVINGS = 8
 """How often a step is halved: the line is off the curve by 65,536 times less then, nanometres."""
@@ -66,9 +66,7 @@ TrajectoryOption = Annotated[
         "Write the fastest trajectory: .csv (time, configuration, velocity), nav_msgs/Trajectory (.yaml, .nav2.json).",
     ),
 ]
-AnimateOption = Annotated[
-    Text, option("--animate", "FILE", "Write the robot along the trajectory: .gif, or .html with a slider.")
-]
+AnimateOption = Annotated[Text, option("--animate", "FILE", "Write the robot along the trajectory as a .gif.")]
 MaxSpeedOption = Annotated[
     Text, option("--max-speed", "M/S", f"Of the trajectory's reference point; default: {DEFAULT_SPEED:g}.")
 ]
@@ -110,7 +108,7 @@ class Timing:
 
         trajectory = result.path.timed(*self.limits, zones=world.zones)
         if self.table is not None:
-            from trailmark.formats.trajectory_files import write_trajectory
+            from trailmark.formats.path_files import write_trajectory
 
             # Between the rows of the law, evenly spaced ones, for programs that join rows by straight lines.
             count = min(MAX_ROWS, int(np.ceil(trajectory.duration / PERIOD)))
@@ -153,7 +151,7 @@ def read_timing(
             raise UsageError(f"{name} {text!r} given without a trajectory; expected --trajectory or --animate too")
         expected = f"a number from {LEAST_LIMIT:g} to {MAX_LIMIT:g} ({unit})"
         limits.append(default if text is None else read_number(text, name, expected, low=LEAST_LIMIT, high=MAX_LIMIT))
-    from trailmark.formats.trajectory_files import TRAJECTORY_SUFFIXES
+    from trailmark.formats.path_files import TRAJECTORY_SUFFIXES
 
     files = output_file(table, TRAJECTORY_SUFFIXES), output_file(animation, ANIMATION_SUFFIXES)
     return Timing((limits[0], limits[1], limits[2], limits[3]), *files)

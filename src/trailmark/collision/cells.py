@@ -20,7 +20,7 @@ from trailmark.collision.obstacles import (
     shape_segments,
     touched_cells,
 )
-from trailmark.formats.cell_obstacles import cells_of
+from trailmark.formats.grid import cells_of
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import World

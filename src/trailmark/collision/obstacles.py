@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
-from trailmark.formats.cell_obstacles import cells_of
+from trailmark.formats.grid import cells_of
 from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle
 from trailmark.world import World
 

@@ -26,9 +26,8 @@ from trailmark.estimation.logs import load_log, save_log
 from trailmark.estimation.logs.records import Log
 from trailmark.exploration.history import History
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult
-from trailmark.formats import nav2_output
+from trailmark.formats import nav2_map
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
-from trailmark.formats.outputs import require_replaceable
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -47,7 +46,7 @@ FILES: Final = (
 )
 """Names of all files."""
 
-GREY = np.array([nav2_output.UNKNOWN, nav2_output.FREE, nav2_output.OCCUPIED], dtype=np.uint8)
+GREY = np.array([nav2_map.UNKNOWN, nav2_map.FREE, nav2_map.OCCUPIED], dtype=np.uint8)
 """By the state of a cell."""
 
 
@@ -103,8 +102,7 @@ def check_folder(folder: str | Path) -> None:
     """Raise if an exploration cannot be kept there; to be asked before it begins.
 
     Raises:
-        OutputError: it is no folder and cannot become one, or one of the files in it cannot be written, or is one
-            that trailmark did not write.
+        OutputError: it is no folder and cannot become one, or one of the files in it cannot be written.
     """
     path = Path(folder)
     try:
@@ -118,13 +116,6 @@ def check_folder(folder: str | Path) -> None:
         return
     for name in FILES:
         check_writable(path / name)
-        require_replaceable(path / name)
-        # A world or a summary does not tell who wrote it; what lies beside it does.
-        if name != "log.jsonl" and (path / name).exists() and not (path / "resume.npz").exists():
-            raise OutputError(
-                f"{path / name}: a file that trailmark did not write is there; "
-                "expected a new folder, or one that trailmark explore wrote"
-            )
 
 
 def save_exploration(
@@ -148,7 +139,7 @@ def save_exploration(
     kept = *found, result.robot_state, result.seconds, result.decisions
     keep_exploration(SavedExploration(*kept, options or {}), path)
     result.world.save(path / "world.yaml")
-    nav2_output.save_nav2_cells(GREY[known.state], path / "map.yaml", known.cell, known.origin)
+    nav2_map.save_nav2_cells(GREY[known.state], path / "map.yaml", known.cell, known.origin)
     result.roadmap.save(path / "roadmap.npz")
     members = (f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in summary_of(result).items())
     write_atomically(path / "summary.json", "{\n" + ",\n".join(members) + "\n}\n")

@@ -50,16 +50,12 @@ def save_world(world: World, path: FilePath) -> None:
     Loading the file gives an equal world: every number is written with all its digits.
 
     Raises:
-        OutputError: the path cannot be written, a file in another format that the world was read from, or
-            one that trailmark did not write and that is no world.
+        OutputError: the path cannot be written, or is a file in another format that the world was read from.
     """
-    from trailmark.formats.files import write_atomically
-    from trailmark.formats.outputs import is_world_file, require_not_an_input, require_replaceable
+    from trailmark.formats.files import require_not_an_input, write_atomically
     from trailmark.formats.world_yaml import world_text
 
-    require_not_an_input(path, (source for source in world.sources if not is_world_file(source)))
-    if not is_world_file(path):
-        require_replaceable(path)
+    require_not_an_input(path, (source for source in world.sources if not _is_world_file(source)))
     write_atomically(path, world_text(world))
 
 
@@ -68,6 +64,15 @@ def world_json_schema() -> dict[str, Any]:
     from trailmark.formats.schema import WorldFile
 
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **WorldFile.model_json_schema()}
+
+
+def _is_world_file(path: FilePath) -> bool:
+    """Return whether a file is a trailmark world file, as far as its keys tell."""
+    try:
+        with path.open("rb") as file:
+            return re.search(rb"^trailmark[ \t]*:[ \t]*1[ \t]*(?:#.*)?\r?$", file.read(2**16), re.MULTILINE) is not None
+    except (OSError, ValueError):
+        return False
 
 
 def _read(data: bytes, path: FilePath) -> World:
@@ -88,8 +93,7 @@ def _read(data: bytes, path: FilePath) -> World:
 
         return read_cfg(text, path)
 
-    from trailmark.formats.yaml_data import parse_yaml
-    from trailmark.formats.yaml_rows import with_rows
+    from trailmark.formats.yaml_data import parse_yaml, with_rows
 
     fields = with_rows(text, lambda part: parse_yaml(part, path))
     if not isinstance(fields, dict):

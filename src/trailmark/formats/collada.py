@@ -4,6 +4,8 @@ Read are the geometries that the file's scene places, through its nodes and thei
 animations and skins are passed over. Coordinates come out with y up, as Assimp (OMPL.app's reader) turns them; lengths
 stay in the file's own unit.
 
+pycollada is no help: it rounds coordinates to single precision, takes negative indices, and reads all else in a file.
+
 Source: Khronos, COLLADA 1.4.1 specification.
 """
 

@@ -1,16 +1,24 @@
-"""Reading text whole and within a limit, writing files whole or not at all."""
+"""Reading text whole and within a limit; writing files whole or not at all, and never over what was read."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import secrets
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from trailmark.errors import FormatError, OutputError, expected_name
 
-__all__ = ["MAX_FILE_BYTES", "check_writable", "read_bytes", "read_text", "text_of", "write_atomically"]
+__all__ = [
+    "MAX_FILE_BYTES",
+    "check_writable",
+    "read_bytes",
+    "read_text",
+    "require_not_an_input",
+    "text_of",
+    "write_atomically",
+]
 
 MAX_FILE_BYTES = 2**27
 """Largest file (bytes, 128 MiB) that is read into memory: any text format, any mesh."""
@@ -106,6 +114,26 @@ def check_writable(path: Path, suffixes: Sequence[str] = ()) -> None:
     except (OSError, ValueError, RuntimeError) as error:
         problem = _reason(error)
     raise OutputError(f"{path}: cannot be written: {problem}")
+
+
+def require_not_an_input(path: Path, inputs: Iterable[Path]) -> None:
+    """Raise if the path is one of the inputs, by whatever name: links, ``./``, other case where that is the same file.
+
+    Args:
+        path: the file to be written.
+        inputs: files that were read.
+
+    Raises:
+        OutputError: it is one of them.
+    """
+    for other in inputs:
+        try:
+            same = path.is_file() and path.samefile(other)
+        except (OSError, ValueError, RuntimeError):  # one that cannot be found is not that file
+            continue
+        if same:
+            name = "" if path.absolute() == other.absolute() else f" {str(other)!r}"
+            raise OutputError(f"{path}: is the same file as the input{name}; expected another file")
 
 
 def _replace(target: Path, data: bytes) -> None:

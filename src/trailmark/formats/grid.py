@@ -1,17 +1,41 @@
-"""Occupancy grids to polygons: the occupied cells, exactly, as few simple polygons with holes."""
+"""Occupancy grids as obstacles: the occupied cells, exactly, as few simple polygons with holes.
+
+The polygons are made for those who ask for them; a world file may hold the cells themselves, a bit for each.
+"""
 
 from __future__ import annotations
 
+import base64
 import math
-from typing import Any
+import zlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from trailmark.arguments import brief, number
 from trailmark.errors import WorldError
+from trailmark.lazy_shapes import LazyShapes
 from trailmark.shapes import LIMIT, Polygon
+from trailmark.world import World
 
-__all__ = ["MAX_CELLS", "MAX_CORNERS", "check_size", "grid_polygons", "grid_sides", "keeps_order"]
+if TYPE_CHECKING:
+    from trailmark.formats.schema import GridEntry
+
+__all__ = [
+    "MAX_CELLS",
+    "MAX_CORNERS",
+    "CellObstacles",
+    "cells_of",
+    "check_size",
+    "grid_polygons",
+    "grid_sides",
+    "keeps_order",
+    "packed_cells",
+    "unpacked_cells",
+    "world_of_grid",
+]
 
 MAX_CELLS = 64_000_000
 """Largest map, in cells, that is read (8,000 x 8,000)."""
@@ -182,3 +206,115 @@ def _place(corners: NDArray[np.int64], cell: float, origin: tuple[float, float, 
             return np.asarray(grid + np.array([x0, y0]), dtype=np.float64)
         cos, sin = math.cos(yaw), math.sin(yaw)
         return np.column_stack([x0 + cos * grid[:, 0] - sin * grid[:, 1], y0 + sin * grid[:, 0] + cos * grid[:, 1]])
+
+
+class CellObstacles(LazyShapes):
+    """The occupied cells of a grid, as the polygons of :func:`trailmark.formats.grid.grid_polygons`.
+
+    Args:
+        occupied: shape (rows, columns), row 0 with the smallest y; not to be changed.
+        cell: side of a cell, metres.
+        origin: x, y (metres) of the outer corner of cell (0, 0), and the angle (radians) by which the grid is turned.
+
+    Raises:
+        WorldError: more than :data:`trailmark.formats.grid.MAX_CORNERS` corners.
+        ShapeError: coordinates beyond what polygons may have.
+    """
+
+    def __init__(
+        self, occupied: NDArray[np.bool_], cell: float = 1.0, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> None:
+        self.occupied, self.cell, self.origin = np.ascontiguousarray(occupied, np.bool_), cell, origin
+        self.occupied.flags.writeable = False
+        p = np.pad(self.occupied, 1)
+        a, b, c, d = p[:-1, :-1], p[:-1, 1:], p[1:, :-1], p[1:, 1:]
+        corners = np.count_nonzero(a ^ b ^ c ^ d) + 2 * np.count_nonzero((a == d) & (b == c) & (a != b))
+        if corners > MAX_CORNERS:
+            raise WorldError(f"map: expected outlines with at most {MAX_CORNERS:,} corners, got {corners:,}")
+        self.upright = keeps_order(occupied.shape, cell, origin)
+        if not self.upright:
+            # Polygons are checked one by one: what is wrong with them is said now.
+            self.__dict__["shapes"] = self.make()
+
+    def make(self) -> tuple[Polygon, ...]:
+        """Return the polygons."""
+        return grid_polygons(self.occupied, self.cell, self.origin)
+
+    def sides(self) -> NDArray[np.float64]:
+        """Return the polygons' sides x1, y1, x2, y2 (metres) in any order, shape (n, 4), obstacles on their left."""
+        return grid_sides(self.occupied, self.cell, self.origin)
+
+
+def cells_of(world: World) -> CellObstacles | None:
+    """Return the cells that all obstacles of a world are, its axes along the world's; None where they are not."""
+    obstacles: object = world.obstacles
+    return obstacles if isinstance(obstacles, CellObstacles) and obstacles.upright else None
+
+
+def world_of_grid(cells: ArrayLike, resolution: float, origin: Sequence[float], name: str) -> World:
+    """Return the world of a grid; :meth:`trailmark.World.from_grid` describes the arguments.
+
+    Obstacles are the cells that are not free, as polygons. Bounds are the grid's rectangle. If the origin has a yaw,
+    the grid is turned about it; then the rectangle is the boundary, and the bounds are its box.
+
+    Raises:
+        WorldError: an array of another shape or kind, a resolution that is not above 0, or too many cells.
+    """
+    masked: Any = np.ma.asarray(cells)  # also of a list of masked rows
+    grid = np.asarray(masked.data)
+    if grid.ndim != 2 or grid.dtype.kind not in "biu":
+        allowed = "truth values or whole numbers of shape (rows, columns)"
+        hint = " (compare them with a threshold)" if grid.dtype.kind == "f" else ""
+        raise WorldError(f"grid: expected {allowed}, got {grid.dtype} of shape {grid.shape}{hint}")
+    rows, columns = grid.shape
+    check_size(columns, rows)
+    cell = number(resolution, "grid: resolution:", above=0.0, error=WorldError)
+    try:
+        x, y, *turn = (number(v, "grid: origin:", error=WorldError) for v in origin)
+        (yaw,) = turn or (0.0,)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, WorldError):
+            raise
+        raise WorldError(f"grid: origin: expected x, y or x, y, yaw, got {brief(origin)}") from None
+    obstacles = CellObstacles((grid != 0) | np.ma.getmaskarray(masked), cell, (x, y, yaw)).as_tuple()
+    width, height = columns * cell, rows * cell
+    if yaw == 0.0:
+        return World(name, (x, y, x + width, y + height), obstacles)
+    corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    corners = np.array([x, y]) + corners @ np.array([[cos, sin], [-sin, cos]])
+    (xmin, ymin), (xmax, ymax) = corners.min(axis=0), corners.max(axis=0)
+    return World(name, (xmin, ymin, xmax, ymax), obstacles, boundary=Polygon(corners))
+
+
+def packed_cells(cells: CellObstacles) -> dict[str, Any]:
+    """Return the cells as a world file's ``grid``."""
+    rows, columns = cells.occupied.shape
+    return {
+        "rows": rows,
+        "columns": columns,
+        "cell": float(cells.cell),
+        "origin": [float(number) for number in cells.origin],
+        "occupied": base64.b64encode(zlib.compress(np.packbits(cells.occupied).tobytes())).decode(),
+    }
+
+
+def unpacked_cells(entry: GridEntry) -> CellObstacles:
+    """Return the cells of a world file's ``grid``.
+
+    Raises:
+        WorldError: too many cells, or other bits than its rows and columns need.
+    """
+    rows, columns = entry.rows, entry.columns
+    check_size(columns, rows)
+    size = -(-rows * columns // 8)
+    try:
+        unpacked = zlib.decompressobj().decompress(base64.b64decode(entry.occupied, validate=True), size + 1)
+    except (ValueError, zlib.error) as error:
+        raise WorldError(f"expected occupied to be bits by zlib and base64, got other text ({error})") from error
+    if len(unpacked) != size:
+        got = f"more than {size:,}" if len(unpacked) > size else f"{len(unpacked):,}"
+        raise WorldError(f"expected {size:,} bytes of bits for {rows} rows of {columns} cells, got {got}")
+    bits = np.unpackbits(np.frombuffer(unpacked, np.uint8), count=rows * columns)
+    x, y, yaw = entry.origin
+    return CellObstacles(bits.reshape(rows, columns).astype(np.bool_), entry.cell, (x, y, yaw))

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError, WorldError, expected_name
-from trailmark.formats.cell_obstacles import CellObstacles
 from trailmark.formats.files import read_text
-from trailmark.formats.grid import check_size
+from trailmark.formats.grid import CellObstacles, check_size
 from trailmark.world import Query, World
 
 __all__ = ["FREE", "Scenario", "parse_grid", "read_movingai", "read_scenarios", "scenario_query"]

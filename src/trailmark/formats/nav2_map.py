@@ -1,7 +1,7 @@
-"""ROS / nav2 occupancy maps: a YAML file that names an image.
+"""ROS / nav2 occupancy maps, a YAML file that names an image: read, written, and read as filter masks.
 
-Definitions follow nav2_map_server (map_io.cpp). A cell is free only if the map says so; occupied and unknown cells
-both become obstacles.
+Definitions follow nav2_map_server (map_io.cpp), and for masks nav2_costmap_2d's KeepoutFilter and SpeedFilter. A cell
+is free only if the map says so; occupied and unknown cells both become obstacles.
 """
 
 from __future__ import annotations
@@ -10,29 +10,50 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.errors import FormatError, WorldError
-from trailmark.formats.grid import MAX_CELLS, check_size
-from trailmark.formats.grid_world import world_of_grid
+from trailmark.arguments import number
+from trailmark.checked import Positive, checked_arguments
+from trailmark.errors import FormatError, WorldError, expected_name
+from trailmark.formats.files import read_text, write_atomically
+from trailmark.formats.grid import MAX_CELLS, check_size, grid_polygons, world_of_grid
+from trailmark.formats.yaml_data import parse_yaml
+from trailmark.shapes import Shape
 from trailmark.world import World
+from trailmark.zones import KeepOutZone, SpeedZone, Zone
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
     from trailmark.formats.schema import MapFile
 
-__all__ = ["free_cells", "occupancy", "pixels_of", "read_grid", "read_image", "read_nav2_map", "unknown_taken_for_free"]
+__all__ = [
+    "FREE",
+    "KINDS",
+    "OCCUPIED",
+    "UNKNOWN",
+    "MaskKind",
+    "free_cells",
+    "occupancy",
+    "pixels_of",
+    "read_grid",
+    "read_image",
+    "read_mask",
+    "read_nav2_map",
+    "save_nav2_cells",
+    "save_nav2_map",
+    "unknown_taken_for_free",
+]
 
 T = TypeVar("T", bound=np.generic)
 
 IMAGE_KINDS = {"PPM": "PGM/PBM/PPM", "PNG": "PNG", "BMP": "BMP", "JPEG": "JPEG"}
 
-UNKNOWN = 205
-"""The grey that map_saver writes for unknown cells."""
+FREE, UNKNOWN, OCCUPIED = 254, 205, 0
+"""Grey values, as nav2's map_saver writes them."""
 
 _ROWS_AT_ONCE = 256  # bounds the memory for one image's brightness values
 
@@ -52,10 +73,7 @@ def read_nav2_map(data: dict[str, Any], path: Path) -> World:
     Raises:
         FormatError: a field is missing or wrong, the image is missing, of another kind, damaged, or too large.
     """
-    from trailmark.formats.schema import MapFile
-    from trailmark.formats.validation import validate
-
-    file = validate(MapFile, data, path)
+    file = _map_file(data, path)
     image = path.parent / file.image
     return _world(image, file, path.stem, (path.absolute(), image.absolute()))
 
@@ -65,10 +83,7 @@ def read_grid(data: dict[str, Any], path: Path) -> tuple[NDArray[np.bool_], MapF
 
     Arguments and errors are those of :func:`read_nav2_map`.
     """
-    from trailmark.formats.schema import MapFile
-    from trailmark.formats.validation import validate
-
-    file = validate(MapFile, data, path)
+    file = _map_file(data, path)
     return pixels_of(path.parent / file.image, lambda pixels: free_cells(pixels, file))[::-1], file
 
 
@@ -78,13 +93,16 @@ def read_image(path: Path, fields: dict[str, Any]) -> World:
     Raises:
         FormatError: as :func:`read_nav2_map`.
     """
-    from trailmark.formats.schema import MapFile
-    from trailmark.formats.validation import validate
-
     origin = np.asarray(fields["origin"]).tolist()
     given = [*origin, 0.0] if isinstance(origin, list) and len(origin) == 2 else origin
-    file = validate(MapFile, {**fields, "origin": given, "image": path.name}, path)
+    file = _map_file({**fields, "origin": given, "image": path.name}, path)
     return _world(path, file, path.stem, (path.absolute(),))
+
+
+def _map_file(data: dict[str, Any], path: Path) -> MapFile:
+    from trailmark.formats.schema import MapFile, validate
+
+    return validate(MapFile, data, path)
 
 
 def _world(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> World:
@@ -105,17 +123,12 @@ def unknown_taken_for_free(sources: Sequence[Path]) -> str:
     Raises:
         FormatError: as :func:`read_nav2_map`.
     """
-    from trailmark.formats.files import read_text
-    from trailmark.formats.schema import MapFile
-    from trailmark.formats.validation import validate
-    from trailmark.formats.yaml_data import parse_yaml
-
     if len(sources) < 2 or sources[0].suffix.lower() not in (".yaml", ".yml"):
         return ""
     data = parse_yaml(read_text(sources[0]), sources[0])
     if not isinstance(data, dict) or "image" not in data:
         return ""
-    file = validate(MapFile, data, sources[0])
+    file = _map_file(data, sources[0])
     if file.mode == "raw" or file.negate or file.free_thresh < (255 - UNKNOWN) / 255:
         return ""
 
@@ -241,3 +254,151 @@ def pixels_of(path: Path, take: Callable[[Image], NDArray[T]]) -> NDArray[T]:
         raise FormatError(path, f"damaged image: {error}; {allowed}") from None
     except Exception as error:  # Pillow's decoders raise errors of many kinds on damaged data
         raise FormatError(path, f"damaged image: {error or type(error).__name__}; {allowed}") from None
+
+
+MaskKind = Literal["keep-out", "speed"]
+KINDS = ("keep-out", "speed")
+
+LETHAL = 100
+"""Value of cells that nav2 keeps out of; lower ones, which it grades into costs, are left open, as are unknown ones."""
+
+
+def read_mask(
+    path: Path, kind: MaskKind, *, max_speed: float = 1.0, base: float = 100.0, multiplier: float = -1.0
+) -> tuple[tuple[Zone, ...], tuple[Path, ...]]:
+    """Return the zones of a mask, one for each region of cells of the same value, and the files that were read.
+
+    Cells of value 100 of a keep-out mask are kept out of. A cell of value v of a speed mask limits the speed to
+    ``base + multiplier · v`` percent of ``max_speed``; where v is 0 or unknown, or that is not above 0 and at most 100,
+    there is no limit. nav2's own mask of depot is read with base 100 and multiplier -1.
+
+    Args:
+        path: the YAML file, in the form of a nav2 map.
+        kind: ``keep-out`` or ``speed``.
+        max_speed: metres per second, above 0.
+        base: percent.
+        multiplier: percent for each unit of a cell's value.
+
+    Raises:
+        WorldError: another kind, a number that is not finite, or a speed that is not above 0.
+        FormatError: the file or its image cannot be read, or is no nav2 map.
+    """
+    if kind not in KINDS:
+        raise WorldError(f"mask: kind: {expected_name(str(kind), KINDS)}")
+    fastest = number(max_speed, "mask: max speed:", above=0.0, unit="m/s", error=WorldError)
+    base, multiplier = (
+        number(v, f"mask: {name}:", error=WorldError) for v, name in ((base, "base"), (multiplier, "multiplier"))
+    )
+    data: Any = parse_yaml(read_text(path, "expected the YAML file of a nav2 mask"), path)
+    if not isinstance(data, dict) or "image" not in data:
+        raise FormatError(path, "no mask: expected nav2 map YAML (keys image, resolution, origin)")
+    file = _map_file(data, path)
+    image = path.parent / file.image
+    values = pixels_of(image, lambda pixels: occupancy(pixels, file))[::-1]
+    x, y, yaw = file.origin
+    zones: list[Zone] = []
+    try:
+        for value in np.unique(values[values > 0]).tolist():
+            percent = base + multiplier * value
+            if (value != LETHAL) if kind == "keep-out" else not 0.0 < percent <= 100.0:
+                continue
+            regions = grid_polygons(values == value, file.resolution, (x, y, yaw))
+            limit = 0.01 * percent * fastest
+            zones += [KeepOutZone(region) if kind == "keep-out" else SpeedZone(region, limit) for region in regions]
+    except WorldError as error:
+        raise FormatError(image, str(error)) from None
+    return tuple(zones), (path.absolute(), image.absolute())
+
+
+@checked_arguments(WorldError)
+def save_nav2_map(world: World, path: str | Path, resolution: Positive = 0.05) -> tuple[Path, Path]:
+    """Write a world as a nav2 map.
+
+    A cell is occupied where an obstacle may touch it, unknown where the world says that nothing is known (obstacles
+    without an estimate, in a world that has estimates) or that is outside of its boundary, else free.
+
+    Args:
+        world: with its obstacles.
+        path: the YAML file; the image stands beside it, with the suffix ``.pgm``.
+        resolution: side of a cell, metres.
+
+    Returns:
+        The two files.
+
+    Raises:
+        WorldError: too many cells.
+        OutputError: a path that cannot be written.
+    """
+    xmin, ymin, xmax, ymax = world.bounds
+    columns, rows = (int(np.ceil((high - low) / resolution - 1e-6)) for low, high in ((xmin, xmax), (ymin, ymax)))
+    check_size(columns, rows)
+    grid = np.full((rows, columns), FREE, dtype=np.uint8)
+    estimates = world.estimates or (None,) * len(world.obstacles)
+    nothing_known = [s for s, estimate in zip(world.obstacles, estimates, strict=True) if estimate is None]
+    unknown, solid = (nothing_known, [s for s, e in zip(world.obstacles, estimates, strict=True) if e is not None])
+    if not world.estimates:
+        unknown, solid = [], list(world.obstacles)
+    for shape in unknown:
+        _fill(grid, shape, UNKNOWN, (xmin, ymin), resolution, 0.0)
+    if world.boundary is not None:
+        inside = np.zeros_like(grid)
+        _fill(inside, world.boundary, 1, (xmin, ymin), resolution, 0.0)
+        grid[inside == 0] = UNKNOWN
+    for shape in solid:
+        _fill(grid, shape, OCCUPIED, (xmin, ymin), resolution, resolution / np.sqrt(2.0))
+    return save_nav2_cells(grid, path, resolution, (xmin, ymin))
+
+
+def save_nav2_cells(
+    cells: NDArray[np.uint8], path: str | Path, resolution: float, origin: tuple[float, float]
+) -> tuple[Path, Path]:
+    """Write a grid as a nav2 map.
+
+    Args:
+        cells: FREE, UNKNOWN or OCCUPIED, shape (rows, columns); row 0 has the smallest y.
+        path: the YAML file; the image stands beside it, with the suffix ``.pgm``.
+        resolution: side of a cell, metres.
+        origin: x, y of the outer corner of cell (0, 0), metres.
+
+    Returns:
+        The two files.
+
+    Raises:
+        OutputError: a path that cannot be written.
+    """
+    file = Path(path)
+    image = file.with_suffix(".pgm")
+    (rows, columns), (x, y) = cells.shape, origin
+    write_atomically(image, f"P5\n# CREATOR: trailmark\n{columns} {rows}\n255\n".encode() + cells[::-1].tobytes())
+    lines = (
+        "# Written by trailmark",
+        f"image: {image.name}",
+        "mode: trinary",
+        f"resolution: {float(resolution)!r}",
+        f"origin: [{float(x)!r}, {float(y)!r}, 0.0]",
+        "negate: 0",
+        "occupied_thresh: 0.65",
+        "free_thresh: 0.196",
+    )
+    write_atomically(file, "\n".join(lines) + "\n")
+    return file, image
+
+
+def _fill(
+    grid: NDArray[np.uint8], shape: Shape, value: int, origin: tuple[float, float], cell: float, margin: float
+) -> None:
+    """Set the cells whose centres lie within ``margin`` metres of a shape."""
+    import shapely
+
+    region = shape.polygon(0.1 * cell).shapely()
+    region = shapely.buffer(region, margin) if margin > 0.0 else region
+    low, high = np.array(region.bounds).reshape(2, 2)
+    first = np.maximum(np.floor((low - origin) / cell).astype(int), 0)
+    last = np.minimum(np.ceil((high - origin) / cell).astype(int), grid.shape[::-1])
+    if (last <= first).any():
+        return
+    x = origin[0] + cell * (np.arange(first[0], last[0]) + 0.5)
+    y = origin[1] + cell * (np.arange(first[1], last[1]) + 0.5)
+    shapely.prepare(region)
+    own = grid[first[1] : last[1], first[0] : last[0]]
+    own[shapely.intersects_xy(region, x[None, :], y[:, None])] = value

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError, WorldError
-from trailmark.formats.cell_obstacles import CellObstacles
+from trailmark.formats.grid import CellObstacles
 from trailmark.formats.nav2_map import pixels_of
 from trailmark.world import Query, World
 

@@ -9,8 +9,7 @@ from typing import Any
 from trailmark.arguments import brief, real
 from trailmark.errors import FormatError, ShapeError
 from trailmark.formats.files import read_text
-from trailmark.formats.schema import RobotFile
-from trailmark.formats.validation import validate
+from trailmark.formats.schema import RobotFile, validate
 from trailmark.formats.world_yaml import robot_from_entry
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.robot import Robot

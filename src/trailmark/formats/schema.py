@@ -1,21 +1,25 @@
 """What may stand in a world file, a robot file and a nav2 map file, as pydantic models.
 
 Strict: a number is not given as text or boolean, NaN and infinity are refused, and so are unknown keys (in the
-world file; nav2 itself ignores them). A field's description says what is allowed; messages and the JSON Schema
-both quote it.
+world file; nav2 itself ignores them). A field's description says what is allowed, for the JSON Schema.
 """
 
 from __future__ import annotations
 
 import math
+import reprlib
+from collections.abc import Sequence
+from difflib import get_close_matches
 from os.path import expanduser
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError
 
 from trailmark.arguments import angle
+from trailmark.errors import FormatError
 
-__all__ = ["ANGLE", "POINT", "Angle", "MapFile", "ObstacleList", "Pose", "RobotFile", "WorldFile"]
+__all__ = ["Angle", "MapFile", "ObstacleList", "Pose", "RobotFile", "WorldFile", "validate"]
 
 
 def _in_radians(value: Any) -> Any:
@@ -55,9 +59,9 @@ NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
 
 _NAME = "a text (quote it if it looks like a number)"
 _LENGTH = "a finite number above 0 (metres)"
-POINT = "a point [x, y] of finite numbers (metres)"
+_POINT = "a point [x, y] of finite numbers (metres)"
 _RING = "three or more points [x, y] of finite numbers (metres)"
-ANGLE = "a finite number (radians, counter-clockwise) or degrees such as 90deg"
+_ANGLE = "a finite number (radians, counter-clockwise) or degrees such as 90deg"
 _POSE = "a configuration [x, y, theta] of finite numbers (metres, radians or degrees such as 90deg)"
 _KIND = "a mapping with the key shape: disc, rectangle or polygon"
 _ESTIMATE = "a mapping {mean, covariance, share}"
@@ -107,7 +111,7 @@ class DiscShape(_Strict):
     """A disc."""
 
     shape: Literal["disc"]
-    center: Point = Field(description=POINT)
+    center: Point = Field(description=_POINT)
     radius: Positive = Field(description=_LENGTH)
 
 
@@ -115,10 +119,10 @@ class RectangleShape(_Strict):
     """A rectangle, its length along its heading."""
 
     shape: Literal["rectangle"]
-    center: Point = Field(description=POINT)
+    center: Point = Field(description=_POINT)
     length: Positive = Field(description=_LENGTH)
     width: Positive = Field(description=_LENGTH)
-    heading: Angle = Field(default=0.0, description=ANGLE)
+    heading: Angle = Field(default=0.0, description=_ANGLE)
 
 
 class PolygonShape(_Strict):
@@ -219,7 +223,7 @@ class OneWayZoneEntry(_Zone):
     """Where the reference point may only travel along a heading, within a tolerance."""
 
     kind: Literal["one-way"]
-    heading: Angle = Field(description=ANGLE)
+    heading: Angle = Field(description=_ANGLE)
     tolerance: Angle = Field(ge=0.0, le=math.pi, description="a number from 0 to pi (radians) or degrees such as 45deg")
 
 
@@ -312,3 +316,59 @@ class MapFile(BaseModel):
     mode: Annotated[Literal["trinary", "scale", "raw"], BeforeValidator(_in_lower_case)] = Field(
         default="trinary", description="trinary, scale, raw"
     )
+
+
+_GOALS = {"a pose", "one goal", "several goals"}
+_TAGS = {"disc", "polygon", "rectangle", "cost", "keep-out", "one-way", "speed"} | _GOALS
+"""What pydantic puts into a place beside keys and indices: which kind of an entry it is."""
+_KEYS = {
+    name
+    for model in list(globals().values())
+    if isinstance(model, type) and issubclass(model, BaseModel)
+    for name in model.model_fields
+}
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+_short = reprlib.Repr()
+_short.maxstring = 60
+_short.maxlist = _short.maxdict = 5
+_short.maxlevel = 3
+
+
+def validate(model: type[ModelT], data: dict[str, Any], path: Path) -> ModelT:
+    """Return the data as a model.
+
+    Args:
+        model: :class:`WorldFile`, :class:`MapFile` or :class:`RobotFile`.
+        data: plain data, as :func:`trailmark.formats.yaml_data.parse_yaml` gives it.
+        path: the file it came from, for messages.
+
+    Raises:
+        FormatError: the data breaks the model's rules; the message names the first field that does, what pydantic says
+            of it and its value, and how many more there are.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        # An unknown key goes first: a key that is missing elsewhere is often the same one, misspelt.
+        problems = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise FormatError(path, _describe(problems[0]) + more) from None
+
+
+def _describe(problem: Any) -> str:
+    *before, last = problem["loc"]
+    # Who made up a key may have given it the name of a tag, but for those of goals, which hold a blank.
+    where = _where([*(part for part in before if part not in _TAGS), *([] if last in _GOALS else [last])])
+    if problem["type"] == "extra_forbidden":
+        close = get_close_matches(str(last), _KEYS, n=1)
+        return f"{where}: unknown key" + (f" (did you mean {close[0]!r}?)" if close else "")
+    message = problem["msg"][0].lower() + problem["msg"][1:]
+    return f"{where}: {message}" + ("" if problem["type"] == "missing" else f", got {_short.repr(problem['input'])}")
+
+
+def _where(location: Sequence[str | int]) -> str:
+    # A key that someone made up may hold anything: what is no plain name is quoted and cut.
+    named = (part if isinstance(part, int) or part.isidentifier() else _short.repr(part) for part in location)
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in named).removeprefix(".")

@@ -47,9 +47,8 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         FormatError: a field is missing, unknown, of a wrong type or out of range, or a shape bounds no region; the
             message names the field, its value and what is allowed.
     """
-    from trailmark.formats.packed_cells import unpacked_cells
-    from trailmark.formats.schema import WorldFile
-    from trailmark.formats.validation import validate
+    from trailmark.formats.grid import unpacked_cells
+    from trailmark.formats.schema import WorldFile, validate
 
     version = data["trailmark"]
     if isinstance(version, bool | float) or version != 1:
@@ -112,8 +111,7 @@ def world_text(world: World, grid: bool = False) -> str:
     Raises:
         OutputError: a name that UTF-8 cannot hold.
     """
-    from trailmark.formats.cell_obstacles import cells_of
-    from trailmark.formats.packed_cells import packed_cells
+    from trailmark.formats.grid import cells_of, packed_cells
 
     cells = None if not grid or world.ids or world.estimates or world.moving else cells_of(world)
     data = world_data(world if cells is None else replace(world, obstacles=()))
@@ -185,8 +183,7 @@ def obstacles_from_data(entries: list[Any], where: str) -> list[tuple[str | None
     Raises:
         FormatError: one of them is none, or has an estimate; the message begins with ``where``.
     """
-    from trailmark.formats.schema import ObstacleList
-    from trailmark.formats.validation import validate
+    from trailmark.formats.schema import ObstacleList, validate
 
     path = Path(where)
     found = validate(ObstacleList, {"obstacles": entries}, path).obstacles
@@ -202,8 +199,7 @@ def query_from_data(data: dict[str, Any], where: str) -> Query:
     Raises:
         FormatError: it describes none; the message begins with ``where``.
     """
-    from trailmark.formats.schema import QueryEntry
-    from trailmark.formats.validation import validate
+    from trailmark.formats.schema import QueryEntry, validate
 
     goal = data.get("goal")
     if isinstance(goal, list) and len(goal) == 2 and not isinstance(goal[0], dict):

@@ -80,7 +80,6 @@ _GOAL = Field(
     lambda v: _is_list(v) or _is_mapping(v),
     required=True,
 )
-_NUMBER = Field("a finite number", _is_number)
 _FLAG = Field("true or false", lambda v: isinstance(v, bool))
 _TEXT = Field("a text", _is_text)
 
@@ -107,7 +106,6 @@ FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
     "open": {"text": _TEXT, "name": _TEXT},
     # The world as the text of a world file, with start and goal as its query.
     "save": {"start": _START, "goal": _GOAL},
-    "layer": {"name": _TEXT._replace(required=True), "heading": _NUMBER},
 }
 """What each type of message holds besides ``type`` and ``id``."""
 

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import hashlib
+import ipaddress
+import secrets
 import socket
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from html import escape
+from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
+from trailmark import colours
 from trailmark.errors import ConfigurationError
-from trailmark.live.access import is_loopback, refusal
 from trailmark.live.connection import Connection
 from trailmark.live.messages import MAX_BYTES
-from trailmark.live.page import page_of
 from trailmark.live.session import Session
 from trailmark.robot import Robot
 from trailmark.world import World
@@ -22,7 +29,7 @@ if TYPE_CHECKING:
     from starlette.requests import HTTPConnection
     from starlette.websockets import WebSocket
 
-__all__ = ["listen", "live_app", "serve"]
+__all__ = ["is_loopback", "listen", "live_app", "page_of", "refusal", "serve"]
 
 MAX_CLIENTS = 16
 """At a time: each has a planner of its own."""
@@ -157,3 +164,63 @@ class _Channel:
         except (WebSocketDisconnect, RuntimeError):
             # It is gone; what receives notices it, too.
             return
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host is this machine alone."""
+    if host.lower() == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+def refusal(headers: Mapping[str, str], token: str | None, given: str | None) -> str | None:
+    """Return why a request is refused; None if it is not.
+
+    A page of another origin, to which a browser would hand what is told here, is refused by its Origin. A name that was
+    made to lead to this machine (DNS rebinding) is refused where no token is asked for.
+
+    Args:
+        headers: of the request, names in small letters.
+        token: that has to be known; None if none.
+        given: the request's own.
+    """
+    host, origin = headers.get("host", ""), headers.get("origin")
+    name = urlsplit(f"//{host}").hostname
+    if name is None:
+        return "expected a Host header"
+    if token is None and not is_loopback(name):
+        return f"expected this machine by its loopback address, got the host {name!r}"
+    if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        return f"expected a page of {host}, got one of {origin}"
+    if token is not None and not secrets.compare_digest(token.encode(), (given or "").encode()):
+        return "expected the token (?token=...)"
+    return None
+
+
+SCRIPTS = (
+    *("geometry.js", "view.js", "scene.js", "files.js", "page.js", "link.js", "plans.js", "driving.js"),
+    *("drawing.js", "pointer.js", "selection.js", "controls.js"),
+)
+"""In the order in which they build on each other."""
+
+
+def page_of(name: str) -> tuple[str, str]:
+    """Return the page and its Content-Security-Policy.
+
+    Args:
+        name: of the world that it begins with.
+    """
+    folder = Path(__file__).parent / "assets"
+    script = "\n".join((folder / file).read_text(encoding="utf-8") for file in SCRIPTS)
+    parts = {"title": escape(f"{name} · trailmark live"), "script": script}
+    parts |= {color: getattr(colours, color) for color in ("MARGIN", "OBSTACLE", "PATH", "GOAL", "START")}
+    page = Template((folder / "page.html").read_text(encoding="utf-8")).substitute(parts)
+    digest = base64.b64encode(hashlib.sha256(f"\n{script}\n".encode()).digest()).decode()
+    policy = (
+        f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data: blob:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return page, policy

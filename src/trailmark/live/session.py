@@ -21,7 +21,6 @@ from trailmark.world import World
 if TYPE_CHECKING:
     from trailmark.path import Path
     from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-    from trailmark.se2 import FloatArray
 
 __all__ = ["Answer", "Session"]
 
@@ -63,22 +62,11 @@ class Session:
         self._options: dict[str, Any] = {}
         self._planner: LandmarkPlanner | None = None
         self._path: Path | None = None
-        self._query: Query | None = None
 
     @property
     def world(self) -> World:
         """The world as it is, with its robot; every obstacle has an id."""
         return self._world
-
-    @property
-    def query(self) -> Query | None:
-        """What was last planned for in it; None if nothing."""
-        return self._query
-
-    @property
-    def path(self) -> Path | None:
-        """The path that was last found; None if there is none."""
-        return self._path
 
     @property
     def planner(self) -> LandmarkPlanner:
@@ -126,8 +114,6 @@ class Session:
 
             query = query_from_data({"name": "live", **fields}, "save")
             self._tell({**answer, "text": world_text(replace(self._world, queries=(query,)))})
-        elif message.type == "layer":
-            self._tell({**answer, **self._layer(fields)})
 
     def _described(self) -> Answer:
         from trailmark.formats.world_yaml import world_data
@@ -175,7 +161,7 @@ class Session:
         # What cannot be planned in leaves the old world as it was.
         planner = LandmarkPlanner(world, seed=self._seed, **options)
         self._world, self._options, self._planner = world, options, planner
-        self._path, self._query = None, None
+        self._path = None
 
     def _edit(self, fields: Mapping[str, Any]) -> Answer:
         """Change obstacles, and return what an answer says of it."""
@@ -199,16 +185,6 @@ class Session:
         self._world = world
         return {"name": world.name, "obstacles": len(world.obstacles), "added": list(add)}
 
-    def _layer(self, fields: Mapping[str, Any]) -> Answer:
-        from trailmark.live.layer_data import layer_data
-
-        return layer_data(self.planner, fields["name"], float(fields.get("heading", 0.0)), self._goal())
-
-    def _goal(self) -> FloatArray | None:
-        """Return the goal that was last asked for; for a point that any heading reaches, the heading is 0."""
-        poses = [] if self._query is None else [goal.pose for goal in self._query.goals if goal.pose is not None]
-        return np.array([*poses[0], 0.0][:3]) if poses else None
-
     def _plan(self, message: Message, stop: Event) -> None:
         """Plan, and tell of the first path at once, of better ones as they come, and of the end."""
         from trailmark.formats.world_yaml import query_from_data
@@ -217,7 +193,6 @@ class Session:
         entry = {"name": "live", "start": fields["start"], "goal": fields["goal"]}
         query = query_from_data(entry, message.type)
         seconds, planner = float(fields.get("time_limit", TIME_LIMIT)), self.planner
-        self._query = query
         extras: dict[str, Any] = {}
         result: PlanResult
         if message.type == "replan" and self._path is not None:

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
-from trailmark.formats.cell_obstacles import CellObstacles
+from trailmark.formats.grid import CellObstacles
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import World

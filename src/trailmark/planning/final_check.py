@@ -23,7 +23,7 @@ import shapely
 from trailmark import se2
 from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.curves import CurvePath
-from trailmark.formats.cell_obstacles import cells_of
+from trailmark.formats.grid import cells_of
 from trailmark.path import Path
 from trailmark.planning.conservative_advancement import advance
 from trailmark.planning.edge_index import CellIndex, EdgeIndex, closed

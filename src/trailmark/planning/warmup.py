@@ -11,7 +11,7 @@ import numpy as np
 
 from trailmark.compiled.report import compiling_for
 from trailmark.compiled.side_by_side import compiled_side_by_side
-from trailmark.formats.cell_obstacles import cells_of
+from trailmark.formats.grid import cells_of
 from trailmark.keep_out import keep_outs
 from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving

@@ -6,8 +6,7 @@ write it whole or not at all. No pyplot, hence no global state and no display. C
 """
 
 from trailmark.colours import EDGE, GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
-from trailmark.plotting.animation import Frame, save_animation
-from trailmark.plotting.audit import draw_audit, save_audit_figure
+from trailmark.plotting.animation import Frame, save_animation, save_trajectory_animation
 from trailmark.plotting.canvas import PICTURE_SUFFIXES
 from trailmark.plotting.exploration import (
     draw_exploration,
@@ -15,9 +14,7 @@ from trailmark.plotting.exploration import (
     save_exploration_figure,
 )
 from trailmark.plotting.landmarks import save_landmarks_figure
-from trailmark.plotting.plan import draw_plan, save_plan_figure
-from trailmark.plotting.progress import draw_progress
-from trailmark.plotting.trajectory import save_trajectory_animation
+from trailmark.plotting.plan import draw_audit, draw_plan, draw_progress, save_audit_figure, save_plan_figure
 from trailmark.plotting.world import draw_world, save_world_figure
 
 __all__ = [

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
     from trailmark.path import Path
     from trailmark.se2 import FloatArray
+    from trailmark.trajectories import Trajectory
     from trailmark.world import Robot, World
 
-__all__ = ["Frame", "save_animation", "write_gif"]
+__all__ = ["Frame", "save_animation", "save_trajectory_animation", "write_gif"]
 
-MARK = "Written by trailmark"
-"""A GIF's comment, by which a later run knows that it may replace it (trailmark.formats.outputs)."""
+FRAME_SECONDS, MAX_FRAMES = 0.1, 150
+"""Of a drive along a trajectory: how long a frame is shown; a longer drive is shown faster than it is."""
 
 _DPI = 72
 
@@ -76,6 +77,22 @@ def save_animation(
     write_gif(target, pictures, seconds)
 
 
+def save_trajectory_animation(file: str | FilePath, trajectory: Trajectory, world: World, robot: Robot) -> None:
+    """Write a robot's drive along a trajectory as a GIF, whole or not at all.
+
+    Raises:
+        OutputError: another suffix, a file that cannot be written, or one that the world was read from.
+    """
+    count = int(np.clip(np.ceil(trajectory.duration / FRAME_SECONDS), 1, MAX_FRAMES)) + 1
+    t = np.linspace(0.0, trajectory.duration, count)
+    speed = np.hypot(*trajectory.velocity(t)[:, :2].T)
+    frames = (
+        Frame(world, q, trajectory.path, f"{now:.1f} s, {pace:.2f} m/s")
+        for now, q, pace in zip(t, trajectory.at(t), speed, strict=True)
+    )
+    save_animation(file, frames, robot, trajectory.path.states[-1], seconds=FRAME_SECONDS)
+
+
 def write_gif(file: FilePath, pictures: Sequence[Image], seconds: float) -> None:
     """Write pictures, at least one, as a GIF that begins again at its end; each is shown so many seconds."""
     from trailmark.formats.files import write_atomically
@@ -83,17 +100,8 @@ def write_gif(file: FilePath, pictures: Sequence[Image], seconds: float) -> None
     data = io.BytesIO()
     duration = max(20, round(1000.0 * seconds))
     first, *others = pictures
-    first.save(
-        data,
-        "GIF",
-        save_all=True,
-        append_images=others,
-        duration=duration,
-        loop=0,
-        disposal=1,
-        optimize=False,
-        comment=MARK,
-    )
+    shown = {"duration": duration, "loop": 0, "disposal": 1, "optimize": False}
+    first.save(data, "GIF", save_all=True, append_images=others, **shown)
     write_atomically(file, data.getvalue())
 
 

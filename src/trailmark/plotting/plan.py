@@ -1,36 +1,39 @@
-"""Pictures of plans: a roadmap, a path with the robot along it, the two ends."""
+"""Pictures of plans: a roadmap, a path with the robot along it, the two ends, the cost over time; and of audits."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from trailmark import se2
-from trailmark.colours import BODY, CANDIDATE, EDGE, GOAL, LANDMARK, PATH, START
+from trailmark.audit.attribution import merged_intervals
+from trailmark.audit.scale import Scale
+from trailmark.colours import BODY, CANDIDATE, COLLISION, EDGE, GOAL, LANDMARK, PATH, REPAIRED, START, TEXT
 from trailmark.goals import goals_of
 from trailmark.layers import ALL, Layers
-from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, points_per_metre, write
-from trailmark.plotting.progress import add_progress
-from trailmark.plotting.scene import plan_facts
+from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, plan_facts, points_per_metre, write
 from trailmark.plotting.world import draw_end, draw_goal, draw_world
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
+    from trailmark.audit import PathAudit
     from trailmark.goals import Goal
     from trailmark.path import Path
     from trailmark.planning import PlanResult
     from trailmark.roadmap import Roadmap
     from trailmark.world import Robot, World
 
-__all__ = ["draw_plan", "save_plan_figure"]
-
+__all__ = ["add_progress", "draw_audit", "draw_plan", "draw_progress", "save_audit_figure", "save_plan_figure"]
 
 _MANY_LANDMARKS = 2_000
 """From here on ticks along their headings would be noise."""
@@ -150,3 +153,132 @@ def _draw_path(axes: Axes, robot: Robot, path: Path, layers: Layers) -> None:
     xy = path.states[:, :2]
     axes.plot(*xy.T, color="white", lw=3.6, alpha=0.9, zorder=6.0, solid_joinstyle="round")
     axes.plot(*xy.T, color=PATH, lw=2.0, zorder=6.1, solid_joinstyle="round", label="path")
+
+
+BOUND = "#e69f00"  # Okabe & Ito's orange
+WIDTH, HEIGHT, BESIDE, BELOW = 2.3, 1.3, 0.75, 0.3  # inches: of the panel, and between it and plan or legend
+LABEL_SIZE = 8  # points, at most
+ROOM = 0.03
+"""Share of the costs' range that stays free above and below."""
+
+
+def draw_progress(axes: Axes, history: Sequence[tuple[float, float]], total: float, bound: float | None = None) -> None:
+    """Draw the best path's cost over time, a step for each better path, and the lower bound as a line.
+
+    Args:
+        axes: what to draw on; time is on a logarithmic axis.
+        history: (seconds, cost in metres) of each better path, one or more, by time; :attr:`PlanResult.history`.
+        total: seconds until planning ended.
+        bound: metres; left out if None.
+    """
+    times, costs = np.array(history, dtype=np.float64).T
+    end = max(total, times[-1])
+    axes.step(1e3 * np.append(times, end), np.append(costs, costs[-1]), where="post", color=PATH, lw=1.4, label="cost")
+    axes.plot(1e3 * times, costs, "o", ms=2.6, mew=0, color=PATH)
+    if bound is not None:
+        axes.axhline(bound, color=BOUND, lw=1.2, ls="--", label="lower bound")
+    axes.set_xscale("log")
+    axes.set_xlim(1e3 * times[0] / 1.3, 1e3 * end * 1.1)
+    # Within few decades their halves and fifths have room, too.
+    few = times[-1] < 200.0 * times[0] and end < 200.0 * times[0]
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=5))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda ms, _: f"{ms:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())
+    low, high = min([costs[-1], *([] if bound is None else [bound])]), costs[0]
+    room = max(ROOM * (high - low), 1e-3 * high, 1e-9)
+    axes.set_ylim(low - 2.0 * room, high + 2.0 * room)
+    axes.ticklabel_format(axis="y", useOffset=False)
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    axes.set_xlabel("planning time [ms]")
+    axes.set_ylabel("cost")
+
+
+def add_progress(
+    figure: Figure, plan: Axes, history: Sequence[tuple[float, float]], total: float, bound: float | None = None
+) -> None:
+    """Add a small panel with :func:`draw_progress` beside or, where the plan is wide, below a plan and its legend.
+
+    Args:
+        figure: of the plan.
+        plan: the plan's axes, with its legend; the panel keeps clear of both.
+        history: as in :func:`draw_progress`; without a path nothing is added.
+        total: seconds until planning ended.
+        bound: metres.
+    """
+    if not history:
+        return
+    legend = plan.get_legend()
+    assert legend is not None  # noqa: S101  # annotate has made it
+    box, entries = (part.get_window_extent() for part in (plan, legend))
+    under = entries.y0 - figure.dpi * (BELOW + HEIGHT)
+    if entries.y1 <= box.y0:  # the legend lies below the plan, and the panel below both
+        at = (box.x0, under, box.width)
+    else:  # beside the plan, at its foot if the legend leaves room there
+        at = (box.x1 + figure.dpi * BESIDE, min(box.y0, under), figure.dpi * WIDTH)
+    corners = figure.transFigure.inverted().transform([at[:2], (at[0] + at[2], at[1] + figure.dpi * HEIGHT)])
+    axes = figure.add_axes((*corners[0], *(corners[1] - corners[0])))
+    draw_progress(axes, history, total, bound)
+    axes.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
+    axes.xaxis.label.set(fontsize=8, color=TEXT)
+    axes.yaxis.label.set(fontsize=8, color=TEXT)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(loc="best", fontsize=7, frameon=False, handlelength=1.6, borderaxespad=0.0)
+
+
+SHOWN = 12
+"""Robots that are drawn along one colliding stretch at most."""
+
+
+def draw_audit(axes: Axes, robot: Robot, audit: PathAudit, repaired: Path | None = None) -> None:
+    """Draw an audited path, red where it collides, with a mark where the least clearance is, on axes with limits set.
+
+    Args:
+        axes: what to draw on, usually after :func:`draw_world`.
+        robot: its footprint is drawn along the path.
+        audit: of the path.
+        repaired: a path that takes its place, drawn dashed; none if None.
+    """
+    draw_plan(axes, robot, audit.path)
+    scale = Scale(audit.path.states, robot.circumradius)
+    for begin, end in merged_intervals([scale.interval(c.motions) for c in audit.collisions]):
+        stretch = scale.part(begin, end)
+        count = int(np.clip(2 + (end - begin) / robot.circumradius, 2, SHOWN))
+        places = se2.transform(scale.poses(np.linspace(begin, end, count)), robot.outline.vertices)
+        bodies = PolyCollection(list(places), facecolors=(*to_rgb(COLLISION), 0.25), edgecolors=COLLISION)
+        bodies.set(linewidths=0.8, zorder=6.2)
+        axes.add_collection(bodies, autolim=False)
+        axes.plot(*stretch[:, :2].T, color=COLLISION, lw=3.0, zorder=6.4, solid_capstyle="round", label="collides")
+        axes.plot(*stretch[:1, :2].T, "x", color=COLLISION, ms=7.0, mew=2.0, zorder=8.5)
+    if audit.free:
+        x, y, _ = audit.min_clearance_state
+        axes.plot(x, y, "D", color="white", mec=TEXT, ms=6.0, mew=1.4, zorder=8.5, label="least clearance")
+    if repaired is not None:
+        axes.plot(
+            *repaired.states[:, :2].T, color=REPAIRED, lw=1.8, ls=(0, (3, 1.5)), zorder=6.6, label="repaired path"
+        )
+
+
+def save_audit_figure(
+    file: str | FilePath, world: World, robot: Robot, audit: PathAudit, repaired: Path | None = None
+) -> None:
+    """Write a picture of an audit.
+
+    Args:
+        file: ends in ``.png``, ``.svg`` or ``.pdf``; the same input gives the same bytes (SVG, PDF: no date).
+        world: that the path was audited in.
+        robot: whose path it is.
+        audit: of the path.
+        repaired: a path that takes its place; none if None.
+
+    Raises:
+        OutputError: another suffix, a file that cannot be written, or one that the world was read from.
+    """
+    figure, axes = figure_of(world)
+    draw_world(axes, world, robot)
+    draw_audit(axes, robot, audit, repaired)
+    facts = f"least clearance {audit.min_clearance:.4g} m"
+    if not audit.free:
+        deepest = max(audit.collisions, key=lambda collision: collision.depth)
+        facts = f"{len(audit.collisions)} collisions, {deepest.depth:.3g} m at the deepest"
+    annotate(figure, axes, f"{world.name} · audit", f"{facts} · {audit.length:.4g} m · {robot.describe()}")
+    write(figure, picture_of(world, file))

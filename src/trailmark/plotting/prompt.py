@@ -19,7 +19,7 @@ from trailmark.world import World
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trailmark.plotting.scene import Scene
+    from trailmark.plotting.canvas import Scene
 
 __all__ = ["plot", "png_of"]
 

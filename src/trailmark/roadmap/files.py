@@ -19,8 +19,13 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision.obstacles import boundary_segments, obstacle_discs
 from trailmark.errors import FormatError, OutputError
-from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
-from trailmark.formats.outputs import require_not_an_input
+from trailmark.formats.files import (
+    MAX_FILE_BYTES,
+    check_writable,
+    read_bytes,
+    require_not_an_input,
+    write_atomically,
+)
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.motion.one_way import one_ways
 from trailmark.roadmap.nav2_route import route_text

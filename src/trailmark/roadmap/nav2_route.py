@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trailmark.errors import FormatError, OutputError
-from trailmark.formats import geojson
 from trailmark.formats.files import read_text
+from trailmark.formats.path_files import geojson_feature, geojson_text
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -57,15 +57,15 @@ def route_text(roadmap: Roadmap, path: FilePath, frame: str) -> str:
     features: list[dict[str, Any]] = []
     for node, (x, y, theta), free in zip(nodes.tolist(), q.tolist(), clearance.tolist(), strict=True):
         metadata = {"theta": theta, "clearance": free}
-        features.append(geojson.feature({"id": node, "frame": frame, "metadata": metadata}, "Point", [x, y]))
+        features.append(geojson_feature({"id": node, "frame": frame, "metadata": metadata}, "Point", [x, y]))
     number = len(roadmap)
     positions = roadmap.configurations[:, :2].tolist()
     for (u, v), length in zip(pairs.tolist(), lengths.tolist(), strict=True):
         for start, end in ((u, v),) if roadmap.directed else ((u, v), (v, u)):
             properties = {"id": number, "startid": start, "endid": end, "cost": length}
-            features.append(geojson.feature(properties, "LineString", [positions[start], positions[end]]))
+            features.append(geojson_feature(properties, "LineString", [positions[start], positions[end]]))
             number += 1
-    return geojson.collection_text(features)
+    return geojson_text(features)
 
 
 def read_route_graph(path: str | FilePath) -> nx.DiGraph:

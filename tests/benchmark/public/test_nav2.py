@@ -11,8 +11,7 @@ import pytest
 
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.public.catalogue import PUBLIC
-from trailmark.benchmark.public.explore_bench import START
-from trailmark.benchmark.public.nav2_pairs import Places, is_map
+from trailmark.benchmark.public.nav2 import START, Places, is_map
 from trailmark.world import Robot
 
 RADIUS = 0.22

@@ -18,7 +18,7 @@ from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
 from trailmark import se2
-from trailmark.benchmark.public.made_worlds import corner_ends
+from trailmark.benchmark.public.graded import corner_ends
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.planning import LandmarkPlanner

@@ -8,11 +8,10 @@ from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.public.barn import Barn
 from trailmark.benchmark.public.base import PublicSuite
 from trailmark.benchmark.public.bench_mr import BenchMR
-from trailmark.benchmark.public.explore_bench import ExploreBench
 from trailmark.benchmark.public.families import Families
 from trailmark.benchmark.public.graded import Clutter, Passages
 from trailmark.benchmark.public.movingai import MovingAI
-from trailmark.benchmark.public.nav2 import Nav2
+from trailmark.benchmark.public.nav2 import ExploreBench, Nav2
 from trailmark.benchmark.public.omplapp import OmplApp
 
 __all__ = ["PUBLIC", "folder_of"]

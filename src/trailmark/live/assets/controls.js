@@ -94,14 +94,6 @@ for (const id of ["margin", "objective"]) $(id).addEventListener("change", () =>
 $("selected").addEventListener("change", ({target: {value}}) =>
   select(value === "start" || value === "goal" ? {kind: "end", end: value} : {kind: "obstacle", id: value}));
 ["sx", "sy", "st"].forEach((id, axis) => $(id).addEventListener("change", ({target}) => setPose(axis, Number(target.value))));
-$("layers").replaceChildren(...Object.entries(LAYERS).map(([name, text]) => {
-  const label = document.createElement("label"), box = document.createElement("input");
-  box.type = "checkbox";
-  box.dataset.layer = name;
-  box.addEventListener("change", () => toggleLayer(name, box.checked));
-  label.append(box, text);
-  return label;
-}));
 for (const name of ["dragover", "drop"]) {
   document.addEventListener(name, (event) => {
     event.preventDefault();
@@ -118,7 +110,7 @@ if (matchMedia("(prefers-color-scheme: dark)").matches) {
   $("theme").textContent = "Light";
 }
 // What tests and the curious may look at.
-window.trailmark = {scene, view, latencies, inFlight, layers};
+window.trailmark = {scene, view, latencies, inFlight};
 readColours();
 connect();
 requestAnimationFrame(frame);

@@ -4,7 +4,6 @@ function readColours() {
   const style = getComputedStyle(document.documentElement);
   colours = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   view.forget();
-  for (const name of layers.keys()) requestLayer(name);
   dirty = true;
 }
 
@@ -51,21 +50,6 @@ function drawObstacle(brush, shape) {
   brush.fill("evenodd");
 }
 
-function drawRoadmap(brush, pixel, {nodes = [], edges = []}) {
-  brush.strokeStyle = brush.fillStyle = colours.landmark;
-  brush.globalAlpha = 0.35;
-  brush.lineWidth = pixel;
-  brush.beginPath();
-  for (let i = 0; i < edges.length; i += 2) {
-    brush.moveTo(nodes[3 * edges[i]], nodes[3 * edges[i] + 1]);
-    brush.lineTo(nodes[3 * edges[i + 1]], nodes[3 * edges[i + 1] + 1]);
-  }
-  brush.stroke();
-  brush.globalAlpha = 1;
-  const size = 2.2 * pixel;
-  for (let i = 0; i < nodes.length; i += 3) brush.fillRect(nodes[i] - size, nodes[i + 1] - size, 2 * size, 2 * size);
-}
-
 function drawPath(brush, pixel, {states, partial}, colour, width = 3) {
   brush.strokeStyle = colour;
   brush.lineWidth = width * pixel;
@@ -90,15 +74,11 @@ function draw(now) {
   const brush = view.brush, pixel = 1 / view.scale;
   if (!scene.world) return;
   view.keep("world", drawWorld);
-  for (const [name, layer] of layers) {
-    if (layer.picture) view.keep(name, (kept) => drawCells(kept, layer.picture, layer));
-  }
   view.keep("obstacles", drawObstacles);
   if (scene.obstacles.has(drag?.id)) {
     brush.fillStyle = colours.obstacle;
     drawObstacle(brush, scene.obstacles.get(drag.id));
   }
-  if (layers.get("roadmap")?.nodes) view.keep("roadmap", (kept, size) => drawRoadmap(kept, size, layers.get("roadmap")));
   if (scene.path) {
     if (!scene.path.partial) drawSwept(brush, pixel, scene.path.states);
     drawPath(brush, pixel, scene.path, colours.way);
@@ -153,7 +133,6 @@ function frame(now) {
     dirty = true;
   }
   plan(now);
-  requestLayers(now);
   if (dirty || (view.blurred && !view.moves) || canvas.dataset.size !== `${view.width}x${view.height}`) {
     canvas.dataset.size = `${view.width}x${view.height}`;
     dirty = false;

@@ -22,7 +22,6 @@ function connect() {
     ready = false;
     inFlight.clear();
     waiting.clear();
-    layerAsked = null;
     say("connection lost; trying again", true);
     setTimeout(connect, 1000);
   };
@@ -47,14 +46,12 @@ function receive(message) {
   }
   if (message.type === "path") receivePath(message);
   else if (message.type === "world") edits.delete(message.id);
-  else if (message.type === "layer") receiveLayer(message);
   else if (message.type === "error") receiveError(message);
 }
 
 function receiveError({id, message}) {
   const plan = inFlight.get(id);
   inFlight.delete(id);
-  layerAnswered(id);
   if (plan && id >= shownPlan) {
     shownPlan = id;
     scene.path = null;
@@ -98,7 +95,6 @@ function takeWorld({world}, fit, ends = null) {
   if (fit) view.fit(world.bounds);
   ready = true;
   badEnd = null;
-  for (const name of layers.keys()) requestLayer(name);
   $("error").textContent = "";
   $("name").textContent = world.name;
   $("worlds").value = [...$("worlds").options].some(({value}) => value === world.name) ? world.name : "";
@@ -146,5 +142,4 @@ function sendEdits() {
   pending = null;
   edits.add(send("edit", {remove: [...remove], move: Object.fromEntries(move), add: [...add.values()],
     brief: true}));
-  for (const name of layers.keys()) requestLayer(name);
 }

@@ -32,8 +32,6 @@ function receivePath(message) {
     if (asked.dragged) drawn.push(asked.since);
   }
   if (message.final) inFlight.delete(message.id);
-  if (message.final && layers.has("roadmap")) requestLayer("roadmap");  // it has grown
-  if (message.final && asked?.settled && layers.has("lattice")) requestLayer("lattice");
   if (asked && !asked.settled && message.final) {
     const found = message.status === "solved" ? message.time.first_solution : null;
     patience = Math.min(LONGEST, Math.max(SHORTEST, found === null ? 2 * patience : Math.min(patience, 4 * found)));

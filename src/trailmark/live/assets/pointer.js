@@ -73,7 +73,6 @@ function moveDragged(px, py, x, y, at) {
   } else if (drag.kind === "turn") {
     const [ex, ey] = scene[drag.end];
     scene[drag.end] = [ex, ey, Math.atan2(y - ey, x - ex)];
-    if (layers.has("c-obstacle")) requestLayer("c-obstacle");
   } else edit({move: {[drag.id]: [dx, dy, 0]}}, at);
   if (drag.kind !== "obstacle") changed(at);
   plan(performance.now());  // at once: the next frame is a while off
@@ -119,7 +118,6 @@ async function finishDraft() {
     scene.obstacles.set(id, {...shape, id});
     view.forget("obstacles");
     select({kind: "obstacle", id});
-    for (const name of layers.keys()) requestLayer(name);
     changed();
   } catch (error) {
     $("error").textContent = error.message;

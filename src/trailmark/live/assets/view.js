@@ -139,34 +139,3 @@ function drawRobot(brush, robot, [x, y, theta], pixel, {fill, stroke, width = 2}
   brush.lineTo(x + reach * Math.cos(theta), y + reach * Math.sin(theta));
   brush.stroke();
 }
-
-// Cells of a picture, bytes from the server, row 0 lowest, in one colour that grows with the value.
-function pictureOfCells({rows, columns, cells}, [r, g, b], opacity) {
-  const bytes = Uint8Array.from(atob(cells), (c) => c.charCodeAt(0));
-  const image = new ImageData(columns, rows);
-  for (let row = 0; row < rows; row++) {
-    for (let column = 0; column < columns; column++) {
-      const at = 4 * ((rows - 1 - row) * columns + column);
-      image.data.set([r, g, b, opacity * bytes[row * columns + column]], at);
-    }
-  }
-  const canvas = new OffscreenCanvas(columns, rows);
-  canvas.getContext("2d").putImageData(image, 0, 0);
-  return canvas;
-}
-
-function drawCells(brush, picture, {origin, size, rows, columns}) {
-  brush.save();
-  brush.translate(origin[0], origin[1] + rows * size);
-  brush.scale(size, -size);
-  brush.imageSmoothingEnabled = false;
-  brush.drawImage(picture, 0, 0, columns, rows);
-  brush.restore();
-}
-
-function colourParts(colour) {
-  const probe = new OffscreenCanvas(1, 1).getContext("2d");
-  probe.fillStyle = colour;
-  probe.fillRect(0, 0, 1, 1);
-  return [...probe.getImageData(0, 0, 1, 1).data].slice(0, 3);
-}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
 from trailmark.compiled import njit
-from trailmark.formats.cell_obstacles import CellObstacles, cells_of
+from trailmark.formats.grid import CellObstacles, cells_of
 from trailmark.planning.grids.search import TangentSearch, lengths_to
 from trailmark.planning.grids.sight import Corners, all_fit, corners_of
 from trailmark.planning.grids.tangents import ends_of_tangent
