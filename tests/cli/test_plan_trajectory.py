@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from trailmark import se2
-from trailmark.cli.plan_trajectory import with_step
+from trailmark.cli.plan_options import with_step
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.shapes import Disc

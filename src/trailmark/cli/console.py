@@ -23,6 +23,7 @@ __all__ = [
     "not_written",
     "note",
     "open_closed_streams",
+    "plural",
     "print_table",
     "progress",
     "say",
@@ -51,6 +52,11 @@ def print_table(rows: Sequence[Sequence[str]], indent: str = "") -> None:
     for row in rows:
         cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
         say((indent + "  ".join(cells)).rstrip())
+
+
+def plural(n: int, noun: str) -> str:
+    """Return a count with its noun."""
+    return f"{n:,} {noun}{'' if n == 1 else 's'}"
 
 
 def note(text: str) -> None:

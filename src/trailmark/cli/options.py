@@ -3,56 +3,17 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from trailmark.cli import console
 
 if TYPE_CHECKING:
-    from trailmark.layers import Layers
     from trailmark.world import Robot, World
-
-__all__ = [
-    "PICTURE_SUFFIXES",
-    "ClearanceOption",
-    "Configuration",
-    "DriveOption",
-    "ForwardOnlyOption",
-    "FrameOption",
-    "JsonOption",
-    "LayersOption",
-    "PlotOption",
-    "RelaxOption",
-    "RobotOption",
-    "SeedOption",
-    "TimeLimitOption",
-    "TurningRadiusOption",
-    "UsageError",
-    "WorldArgument",
-    "grown_for",
-    "load_world",
-    "option",
-    "output_file",
-    "protect_inputs",
-    "read_clearance",
-    "read_configuration",
-    "read_count",
-    "read_duration",
-    "read_frame",
-    "read_layers",
-    "read_length",
-    "read_number",
-    "read_robot",
-    "read_turning_radius",
-    "robot_file",
-    "robot_of",
-    "steered",
-]
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
 Configuration = tuple[float, float, float]
@@ -65,7 +26,6 @@ UsageError: Any = typer.BadParameter.__mro__[1]
 
 def option(name: str, metavar: str, help: str, *aliases: str, default: bool = False) -> Any:  # noqa: A002  # typer's name
     """Return an option that takes a text, for ``Annotated``; ``default`` says whether the help shows its default."""
-    help = re.sub(r"(?=\[[a-z])", r"\\", help)  # noqa: A001  # to rich, a bracket and a letter begin a style
     return typer.Option(*aliases, name, metavar=metavar, help=help, show_default=default)
 
 
@@ -75,7 +35,7 @@ WorldArgument = Annotated[
     typer.Argument(
         metavar="WORLD",
         show_default=False,
-        help="A world file (trailmark YAML, nav2 map YAML, MovingAI .map, OMPL.app .cfg) or a shipped world's name.",
+        help="World file (trailmark YAML, nav2 map YAML, MovingAI .map, OMPL.app .cfg) or name of a shipped world.",
     ),
 ]
 RobotOption = Annotated[
@@ -83,42 +43,94 @@ RobotOption = Annotated[
     option(
         "--robot",
         "SHAPE",
-        "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or '[[x, y], ...]' in metres, or a .yaml file "
-        "(a robot's, a world's, nav2's parameters), instead of the world's.",
+        "Footprint in metres, instead of the world's robot: disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y, "
+        "nav2's '[[x, y], ...]', or a .yaml file (of a robot, a world, or nav2's parameters).",
     ),
 ]
-TimeLimitOption = Annotated[str, option("--time-limit", "SECONDS", "Time for one query.", default=True)]
-SeedOption = Annotated[str, option("--seed", "N", "Seed of all random choices.", default=True)]
+TimeLimitOption = Annotated[str, option("--time-limit", "SECONDS", "Planning time.", default=True)]
+SeedOption = Annotated[str, option("--seed", "N", "Random seed.", default=True)]
 TurningRadiusOption = Annotated[
-    str | None,
-    option(
-        "--turning-radius",
-        "METRES",
-        "The robot is a car that turns on circles of this radius, instead of moving in every direction.",
-    ),
+    str | None, option("--turning-radius", "METRES", "Minimum turning radius; makes the robot a car.")
 ]
 DriveOption = Annotated[
     str | None,
-    option("--drive", "NAME", "omnidirectional, differential (turns in place, drives ahead) or car."),
+    option("--drive", "NAME", "omnidirectional, differential (turns in place, drives along its heading) or car."),
 ]
 ForwardOnlyOption = Annotated[
-    bool, typer.Option("--forward-only", help="The car, or differential drive, does not drive backwards.")
+    bool, typer.Option("--forward-only", help="Never drive in reverse (car or differential drive).")
+]
+KeepoutOption = Annotated[
+    str | None, option("--keepout", "MASK.yaml", "nav2 keep-out mask; occupied cells become keep-out zones.")
+]
+SpeedMaskOption = Annotated[
+    str | None,
+    option(
+        "--speed-mask", "MASK.yaml", "nav2 speed mask; cells become speed limits, percentages of --max-speed or 1 m/s."
+    ),
 ]
 FrameOption = Annotated[
-    str, option("--frame-id", "NAME", "The coordinate frame that messages and GeoJSON name.", default=True)
-]
-ClearanceOption = Annotated[
-    str | None, option("--clearance", "METRES", "Keep so far from obstacles and bounds, all along the path.")
-]
-RelaxOption = Annotated[
-    bool, typer.Option("--relax", help="Where no path keeps the --clearance: as much of it as there is.")
+    str, option("--frame-id", "NAME", "Coordinate frame named in messages and GeoJSON.", default=True)
 ]
 PlotOption = Annotated[str | None, option("--plot", "FILE", "Write a picture: .png, .svg or .pdf.")]
-LayersOption = Annotated[
-    str | None,
-    option("--layers", "NAMES", "What the picture shows, such as obstacles,path,ends; default: all but clearance."),
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object on stdout.")]
+StartOption = Annotated[
+    str | None, option("--start", "X,Y,T", "Start pose in metres and radians; degrees as in 1,2,90deg.")
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")]
+
+
+class RobotOptions(NamedTuple):
+    """What ``--robot``, ``--turning-radius``, ``--forward-only`` and ``--drive`` give."""
+
+    robot: Robot | None
+    files: tuple[Path, ...]
+    turning_radius: float | None
+    forward_only: bool
+    drive: str | None
+
+    @classmethod
+    def read(
+        cls,
+        robot: str | None,
+        turning_radius: str | None = None,
+        forward_only: bool = False,
+        drive: str | None = None,
+    ) -> RobotOptions:
+        """Return what the options say, looked at before the world is read.
+
+        Raises:
+            TrailmarkError: one of them cannot be read.
+        """
+        radius = None
+        if turning_radius is not None:
+            expected = f"a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
+            radius = read_number(turning_radius, "--turning-radius", expected, above=0.0, high=MAX_TURNING_RADIUS)
+        return cls(read_robot(robot), robot_file(robot), radius, forward_only, drive)
+
+    def robot_in(self, world: World) -> Robot:
+        """Return the robot that was given, else the world's, with the drive and turning radius that were given."""
+        return self.steered(robot_of(world, self.robot))
+
+    def steered(self, robot: Robot) -> Robot:
+        """Return a robot with the drive and turning radius that were given.
+
+        Raises:
+            UsageError: ``--forward-only`` for a robot without turning radius.
+            ShapeError: no such drive, or one that does not go with the turning radius.
+        """
+        radius = robot.turning_radius if self.turning_radius is None else self.turning_radius
+        if self.drive is not None:
+            # A car's radius means nothing to another drive, unless it is given.
+            kept = radius if self.drive == "car" else self.turning_radius
+            reverse = robot.reverse if self.drive == robot.drive else None
+            given: Any = {"turning_radius": kept, "reverse": reverse, "drive": self.drive}
+            robot, radius = replace(robot, **given), kept
+        if self.forward_only and robot.drive == "differential" and radius is None:
+            return robot.differential()
+        if self.forward_only and radius is None:
+            raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
+        if radius is None:
+            return robot
+        return robot.steered(radius, (robot.reverse or robot.drive != "car") and not self.forward_only)
 
 
 def read_configuration(text: str, option: str) -> Configuration:
@@ -163,19 +175,6 @@ def read_number(
     return number
 
 
-def read_layers(text: str | None, plot: str | None) -> Layers:
-    """Return what a picture is to show.
-
-    Raises:
-        TrailmarkError: an unknown layer, or layers without a picture.
-    """
-    from trailmark.layers import ALL, Layers
-
-    if text is not None and plot is None:
-        raise UsageError(f"--layers {text!r} given without --plot; expected both or neither")
-    return ALL if text is None else Layers.parse(text)
-
-
 def read_duration(text: str, option: str) -> float:
     """Return the seconds that an option gives; :func:`read_number` says what it raises."""
     return read_number(text, option, "a finite number of seconds above 0", above=0.0)
@@ -184,19 +183,6 @@ def read_duration(text: str, option: str) -> float:
 def read_length(text: str, option: str) -> float:
     """Return the metres that an option gives; :func:`read_number` says what it raises."""
     return read_number(text, option, "a finite number of metres above 0", above=0.0)
-
-
-def read_clearance(text: str | None, relax: bool) -> float | None:
-    """Return the metres that ``--clearance`` gives; None for None.
-
-    Raises:
-        UsageError: no number of 0 or more, or ``--relax`` without it.
-    """
-    if text is not None:
-        return read_number(text, "--clearance", "metres, from 0 to 1e7", low=0.0, high=1e7)
-    if relax:
-        raise UsageError("--relax given without --clearance; expected both or neither")
-    return None
 
 
 def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
@@ -212,6 +198,12 @@ def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
     if not low <= count <= high:
         raise UsageError(f"expected an integer from {low} to {high}, got {option} {text!r}")
     return count
+
+
+def read_probability(text: str, option: str) -> float:
+    """Return the probability, above 0 and below 1, that an option gives; :func:`read_number` says what it raises."""
+    below = math.nextafter(1.0, 0.0)
+    return read_number(text, option, "a probability above 0 and below 1", above=0.0, high=below)
 
 
 def read_frame(text: str) -> str:
@@ -242,37 +234,6 @@ def read_robot(text: str | None) -> Robot | None:
 def robot_file(text: str | None) -> tuple[Path, ...]:
     """Return the file that ``--robot`` names, if it names one."""
     return (Path(text),) if text is not None and text.lower().endswith((".yaml", ".yml")) else ()
-
-
-def read_turning_radius(text: str | None) -> float | None:
-    """Return the turning radius (metres) that ``--turning-radius`` gives; None for None."""
-    if text is None:
-        return None
-    expected = f"a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
-    return read_number(text, "--turning-radius", expected, above=0.0, high=MAX_TURNING_RADIUS)
-
-
-def steered(robot: Robot, turning_radius: float | None, forward_only: bool, drive: str | None = None) -> Robot:
-    """Return the robot with what ``--turning-radius``, ``--forward-only`` and ``--drive`` say.
-
-    Raises:
-        UsageError: ``--forward-only`` for a robot without turning radius.
-        ShapeError: no such drive, or one that does not go with the turning radius.
-    """
-    radius = robot.turning_radius if turning_radius is None else turning_radius
-    if drive is not None:
-        # A car's radius is nothing to another drive, unless it is given.
-        kept = radius if drive == "car" else turning_radius
-        reverse = robot.reverse if drive == robot.drive else None
-        given: Any = {"turning_radius": kept, "reverse": reverse, "drive": drive}
-        robot, radius = replace(robot, **given), kept
-    if forward_only and robot.drive == "differential" and radius is None:
-        return robot.differential()
-    if forward_only and radius is None:
-        raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
-    if radius is None:
-        return robot
-    return robot.steered(radius, (robot.reverse or robot.drive != "car") and not forward_only)
 
 
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
@@ -311,11 +272,17 @@ def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
         written.add(file.resolve())
 
 
-def load_world(text: str) -> World:
-    """Return the world of that file, or the shipped world of that name.
+def load_world(text: str, keepout: str | None = None, speed: str | None = None, max_speed: float = 1.0) -> World:
+    """Return the world of that file, or the shipped world of that name, with the zones of nav2's masks.
+
+    Args:
+        text: file or name.
+        keepout: file of a keep-out mask.
+        speed: file of a speed mask.
+        max_speed: metres per second that the speed mask's percentages refer to.
 
     Raises:
-        TrailmarkError: there is none, or the file does not hold what it should.
+        TrailmarkError: there is none, or a file does not hold what it should.
     """
     from trailmark.formats.nav2_map import unknown_taken_for_free
     from trailmark.world import World
@@ -323,7 +290,9 @@ def load_world(text: str) -> World:
     world = World.load(text)
     if problem := unknown_taken_for_free(world.sources):
         console.warn(problem)
-    return world
+    if keepout is not None:
+        world = world.with_mask(keepout, "keep-out")
+    return world if speed is None else world.with_mask(speed, "speed", max_speed=max_speed)
 
 
 def grown_for(world: World, robot: Robot) -> World:

@@ -7,24 +7,19 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import typer
-
 from trailmark.cli import console
 from trailmark.cli.options import JsonOption
 
-__all__ = ["app"]
+__all__ = ["warmup"]
 
 KINDS = {"straight": "any shape", "translation": "discs", "curve": "cars", "differential": "differential drives"}
 """What the kinds of motion are called in the names of the stages."""
 
-app = typer.Typer(help="Compile all kernels now, so that no later command has to.", invoke_without_command=True)
 
-
-@app.callback()
 def warmup(as_json: JsonOption = False) -> None:
-    """Compile all kernels now, so that no later command or program has to: a few minutes, once.
+    """Compile all kernels now instead of at first use; takes a few minutes, once.
 
-    What was compiled before is taken from the cache; after an interruption the command goes on where it was.
+    Kernels compiled before come from the cache; after an interruption the command continues.
     """
     from trailmark.compiled.cache import cache_contents
     from trailmark.compiled.side_by_side import compiled_side_by_side
