@@ -41,28 +41,3 @@ def test_a_part_of_a_public_suite_is_run(
     run = shell(*words, "--problems", 2, "--time-limit", 0.1, "--output", results)
     assert (run.status, run.err) == (0, "")
     assert names(results) == ["barn-world_0-ahead", "barn-world_299-ahead"]
-
-
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        pytest.param(
-            ["--suite", "brn"], "--suite: expected barn, bench-mr, clutter, explore-bench, families", id="name"
-        ),
-        pytest.param(["--suite", "barn"], "suite barn: --data is missing; expected a folder with BARN's", id="no-data"),
-        pytest.param(["--suite", "barn", "--data", "DIR"], "suite barn: expected BARN's .world files, got", id="empty"),
-        pytest.param(["--suite", "barn", "--data", "gone"], "--data: expected a folder with BARN's", id="no-folder"),
-        pytest.param(["--suite", "clutter", "--data", "DIR"], "suite clutter: expected no --data", id="made"),
-        pytest.param(["--data", "DIR"], "given with --suite None; expected --suite movingai", id="no-suite"),
-        pytest.param(
-            ["--suite", "passages", "--query", "x"], "--query: expected a query of suite passages, got x", id="query"
-        ),
-        pytest.param(["--suite", "passages", "--problems", "0"], "got --problems '0'", id="problems"),
-    ],
-)
-def test_what_is_wrong_is_told_in_one_line(words: list[str], problem: str, shell: Shell, tmp_path: Path) -> None:
-    given = [str(tmp_path) if word == "DIR" else word for word in words]
-    run = shell("benchmark", *given, "-p", "PRM", "--output", tmp_path / "results.db")
-    assert run.status == 2
-    assert problem in run.err
-    assert len(run.err.splitlines()) == 1

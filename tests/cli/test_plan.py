@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import re
 import signal
 from collections.abc import Callable
 from math import pi
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from trailmark.errors import TrailmarkError
 from trailmark.goals import Goal
 from trailmark.planning import PlannerSettings
 from trailmark.world import Robot
@@ -122,11 +119,6 @@ def test_json_is_one_object_and_nothing_else(
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_given_ends_have_no_query_name(shell: Shell, yard: Path, planner: Any) -> None:
-    run = shell("plan", yard, "--json", "--start", "1,1,0", "--goal", "2,2,0")
-    assert json.loads(run.out)["query"] is None
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".path", ".txt"])
 def test_paths_are_written_as_rows(shell: Shell, yard: Path, planner: Any, tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"path{suffix}"
@@ -154,23 +146,6 @@ def test_without_a_path_there_are_no_rows_to_write(
     assert "what it holds is older, and left as it is" in run.err
 
 
-@pytest.mark.slow
-def test_summary_says_what_was_found_and_written(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
-    run = shell("plan", yard, "--output", tmp_path / "p.csv", "--plot", tmp_path / "p.svg", "--seed", 5)
-    facts = {line.split()[0]: line for line in run.out.splitlines()}
-    assert run.out.splitlines()[0] == "yard · across: path found"
-    cost = 4.0 + np.hypot(4, 4) + 0.5 * 1.5
-    assert f"{cost:.4f} (at most {100 * (cost / 8 - 1):.1f} % above the optimum: lower bound 8.0000)" in facts["cost"]
-    assert f"{4 + np.hypot(4, 4):.4f} m" in facts["length"]
-    assert "1.5000 rad (86°)" in facts["rotation"]
-    assert "0.2500 m" in facts["clearance"]
-    assert "3 landmarks, 2 edges" in facts["roadmap"]
-    assert facts["seed"].endswith("5")
-    assert str(tmp_path / "p.csv") in run.out
-    assert str(tmp_path / "p.svg") in run.out
-    assert run.err == ""
-
-
 @pytest.mark.parametrize(
     ("status", "verdict"), [("timeout", "no path found"), ("infeasible", "infeasible: no path exists")]
 )
@@ -189,111 +164,6 @@ def test_the_picture_shows_the_layers_that_are_named(shell: Shell, yard: Path, p
     drawn = {name: (tmp_path / f"{name}.svg").read_text(encoding="utf-8") for name in ("all", "few")}
     assert {name: "hatch" in text or "url(#h" in text for name, text in drawn.items()} == {"all": True, "few": False}
     assert len(drawn["few"]) < len(drawn["all"])
-
-
-@pytest.mark.parametrize(
-    ("words", "named", "allowed"),
-    [
-        (["--time-limit", "0"], "--time-limit '0'", "above 0"),
-        (["--time-limit", "soon"], "--time-limit 'soon'", "finite"),
-        (["--seed", "1.5"], "--seed '1.5'", "integer from 0 to 4294967295"),
-        (["--landmarks", "0"], "--landmarks '0'", "from 1"),
-        (["--landmarks", "200001"], "--landmarks '200001'", "to 200000"),
-        (["--start", "1,2"], "--start '1,2'", "both or neither"),
-        (["--goal", "1,2,3"], "--goal '1,2,3'", "both or neither"),
-        (["--start", "1,2", "--goal", "1,2,3"], "--start '1,2'", "X,Y,T"),
-        (["--start", "1,2,3", "--goal", "1,2,nan"], "--goal '1,2,nan'", "finite"),
-        (["--start", "1,2,3", "--goal", "a,b,c"], "--goal 'a,b,c'", "X,Y,T"),
-        (
-            ["--start", "1,2,3", "--goal", "1,2,3", "--query", "back"],
-            "--query 'back'",
-            "expected --query or --start and --goal,",
-        ),
-        (["--start", "1,2,3", "--goal", "1"], "--goal '1'", "X,Y,T"),
-        (["--start", "1,2,3", "--goal", "1,inf"], "--goal 'inf'", "finite"),
-        (["--start", "1,2,3", "--goal", "1,2,3", "--goal", "1,2,x"], "--goal '1,2,x'", "X,Y,T"),
-        (["--start", "1,1,0", "--goal", "2,2", "--goal-tolerance", "0.1,0.2"], "'0.1,0.2'", "X,Y,T, got --goal '2,2'"),
-        (["--goal-tolerance", "-0.1"], "--goal-tolerance '-0.1'", "0 or more"),
-        (["--goal-tolerance", "0.1,x"], "--goal-tolerance '0.1,x'", "M,RAD"),
-        (["--goal-tolerance", "0.1,-1"], "--goal-tolerance '0.1,-1'", "M,RAD"),
-        (["--goal-tolerance", "near"], "--goal-tolerance 'near'", "M,RAD"),
-        (["--goal-tolerance", "nan,0"], "--goal-tolerance", "0 or more"),
-        (["--query", "bakc"], "'bakc'", "back"),
-        (["--robot", "square:1"], "'square:1'", "disc:RADIUS"),
-        (["--robot", "disc:-1"], "-1", "above 0"),
-        (["--output", "path.xml"], "path.xml", ".json"),
-        (["--plot", "path.bmp"], "path.bmp", ".png"),
-        (["--output", "nowhere/path.json"], "nowhere", ""),
-        (["--plot", "nowhere/path.png"], "nowhere", ""),
-        (["--start", "-3,1,0", "--goal", "1,1,0"], "start", "out of bounds by 3 m"),
-        (["--clearance", "-0.1"], "--clearance '-0.1'", "from 0"),
-        (["--clearance", "wide"], "--clearance 'wide'", "metres"),
-        (["--drive", "tracks"], "'tracks'", "differential"),
-        (["--drive", "car"], "'car'", "turning radius"),
-        (["--drive", "differential", "--turning-radius", "2"], "turning_radius 2.0", "turning radius"),
-        (["--relax"], "--relax", "--clearance"),
-        (["--layers", "path,walls"], "'walls'", "obstacles, outside, path"),
-        (["--layers", ""], "''", "obstacles, outside, path"),
-        (["--layers", "path", "--output", "path.csv"], "--layers 'path'", "--plot"),
-        (["--frobnicate"], "--frobnicate", "--help"),
-        (["--seed"], "--seed", "--help"),
-        (["more"], "more", "--help"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(
-    shell: Shell,
-    yard: Path,
-    planner: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    named: str,
-    allowed: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    outputs = [] if {"--output", "--plot"} & set(words) else ["--output", "out.json", "--plot", "out.png"]
-    run = shell("plan", yard, *outputs, "--json", *words)
-    assert run.status == 2
-    assert named in run.problem
-    assert allowed in run.problem
-    assert list(tmp_path.iterdir()) == [yard]
-
-
-@pytest.mark.parametrize(
-    "content",
-    ["", "[1, 2]", "trailmark: 1\nbounds: [0, 0, 1, .nan]\n", "a: [", "\x00\x01", "trailmark: 1\nboundz: 3\n"],
-)
-def test_bad_worlds_are_named(shell: Shell, tmp_path: Path, planner: Any, content: str) -> None:
-    file = tmp_path / "bad.yaml"
-    file.write_text(content)
-    run = shell("plan", file)
-    assert run.status == 2
-    assert str(file) in run.problem
-    assert planner.calls == []
-
-
-def test_a_world_that_is_not_there(shell: Shell, tmp_path: Path) -> None:
-    run = shell("plan", tmp_path / "none.yaml")
-    assert run.status == 2
-    assert "none.yaml" in run.problem
-
-
-def test_a_world_without_a_robot_asks_for_one(shell: Shell, yard: Path, planner: Any) -> None:
-    yard.write_text(re.sub("robot:.*\n", "", yard.read_text()))
-    run = shell("plan", yard)
-    assert run.status == 2
-    assert "--robot" in run.problem
-    assert shell("plan", yard, "--robot", "disc:0.3").status == 0
-
-
-def test_a_shipped_world_is_found_by_its_name(shell: Shell, planner: Any) -> None:
-    assert shell("plan", "office").status == 0
-    assert planner.calls[0]["world"].name == "office"
-
-
-def test_outputs_are_checked_before_the_world_is_read(shell: Shell, tmp_path: Path, planner: Any) -> None:
-    run = shell("plan", tmp_path / "none.yaml", "--output", tmp_path / "none" / "path.json")
-    assert "path.json" in run.problem
 
 
 def test_an_interrupt_is_one_line_and_leaves_the_old_file(
@@ -336,24 +206,6 @@ def test_programming_errors_keep_their_traceback(shell: Shell, yard: Path, plann
     planner.action = staticmethod(fail)
     with pytest.raises(ZeroDivisionError, match="a bug"):
         shell("plan", yard)
-
-
-def test_messages_of_several_lines_become_one(shell: Shell, yard: Path, planner: Any) -> None:
-    def fail() -> None:
-        raise TrailmarkError("first\nsecond \x1b[31mred")
-
-    planner.action = staticmethod(fail)
-    assert shell("plan", yard).problem == r"first second \x1b[31mred"
-
-
-@pytest.mark.parametrize(("ends", "words"), [("[9, 5, 90]", []), ("[9, 5, 1.5]", ["--goal-tolerance", "0.1,10"])])
-def test_angles_in_degrees_are_warned_of_in_one_line(
-    shell: Shell, yard: Path, planner: Any, ends: str, words: list[str]
-) -> None:
-    yard.write_text(re.sub(r"goal: \[.*?\]", f"goal: {ends}", yard.read_text(), count=1))
-    run = shell("plan", yard, *words)
-    assert (run.status, run.err.count("\n")) == (0, 1)
-    assert "is taken as radians; are they degrees" in run.err
 
 
 def test_an_option_in_degrees_is_warned_of_once(shell: Shell, yard: Path, planner: Any) -> None:

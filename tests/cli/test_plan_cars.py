@@ -63,20 +63,6 @@ def test_a_differential_drive_reverses_as_its_file_and_the_options_say(shell: Sh
         assert planner.calls[-1]["robot"] == box.differential(reverse)
 
 
-@pytest.mark.parametrize("radius", ["0", "-1", "nan", "inf", "1e9", "wide"])
-def test_a_radius_that_is_none(shell: Shell, yard: Path, planner: Any, radius: str) -> None:
-    run = shell("plan", yard, f"--turning-radius={radius}")
-    assert run.status == 2
-    assert f"expected a number above 0 and at most 10000 (metres), got --turning-radius '{radius}'" in run.problem
-    assert planner.calls == []
-
-
-def test_forward_only_needs_a_turning_radius(shell: Shell, yard: Path, planner: Any) -> None:
-    run = shell("plan", yard, "--forward-only")
-    assert run.status == 2
-    assert "--forward-only given for a robot without turning radius" in run.problem
-
-
 @pytest.mark.slow
 def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
     files, picture = [tmp_path / f"path{suffix}" for suffix in (".json", ".csv", ".path")], tmp_path / "plan.svg"
@@ -111,27 +97,3 @@ def test_costs_of_maneuvers(shell: Shell, worlds: Path) -> None:
     assert record["cost"] == pytest.approx(record["length"] + maneuvers)
     assert "objective" not in json.loads(shell(*given, "--objective", "length", "--json").out)
     assert "a change of direction 3 m" in shell(*given).out
-
-
-@pytest.mark.parametrize(
-    ("option", "value", "message"),
-    [
-        ("--reverse-cost", "0.5", "1 to 1e6"),
-        ("--reverse-cost", "x", "1 to 1e6"),
-        ("--direction-change-cost", "-1", "0 to 1e6"),
-        ("--direction-change-cost", "nan", "0 to 1e6"),
-    ],
-)
-def test_no_cost_of_maneuvers_is_one_line(shell: Shell, worlds: Path, option: str, value: str, message: str) -> None:
-    run = shell("plan", worlds / "parking.yaml", "--turning-radius", "4.5", option, value)
-    assert run.status == 2
-    assert message in run.err
-    assert run.err.strip().count("\n") == 0
-
-
-@pytest.mark.parametrize("car", [(), ("--turning-radius", "4.5", "--forward-only")], ids=["no car", "forward only"])
-def test_costs_of_maneuvers_are_a_reversing_cars(shell: Shell, worlds: Path, car: tuple[str, ...]) -> None:
-    run = shell("plan", worlds / "parking.yaml", *car, "--reverse-cost", "2")
-    assert run.status == 2
-    assert "expected a car that reverses" in run.err
-    assert run.err.strip().count("\n") == 0

@@ -13,7 +13,6 @@ import pytest
 
 from trailmark.formats.any_path import read_any_path
 from trailmark.robot import Robot
-from trailmark.world import World
 
 Shell = Callable[..., Any]
 
@@ -32,12 +31,6 @@ def test_a_path_for_others_comes_back(shell: Shell, yard: Path, tmp_path: Path, 
     before = file.read_text()
     assert shell("plan", yard, "--output", file).status == 3
     assert file.read_text() == before, "what is no path replaces none"
-
-
-def test_a_drawing_to_scale(shell: Shell, yard: Path, tmp_path: Path, planner: Any) -> None:
-    for _ in range(2):
-        assert shell("plan", yard, "--output", tmp_path / "path.svg").status == 0
-    assert 'd="M1.0 1.0L5.0 1.0L9.0 5.0"' in (tmp_path / "path.svg").read_text()
 
 
 @pytest.mark.parametrize(
@@ -62,41 +55,3 @@ def test_headings_in_degrees(shell: Shell, yard: Path, planner: Any) -> None:
     assert (run.status, run.err) == (0, "")
     assert planner.calls[0]["start"] == (1.0, 1.0, -math.pi / 2)
     assert json.loads(run.out)["states"][0][2] == -math.pi / 2
-
-
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (["--output", "a.gpx"], "a.gpx: suffix: expected .csv, .geojson, .json, .nav2.json, .path, .svg, .txt, .yaml"),
-        (["--output", "own.yaml"], "own.yaml: a file that trailmark did not write is there"),
-        (["--output", "own.nav2.json"], "own.nav2.json: a file that trailmark did not write is there"),
-        (["--output", "own.geojson"], "own.geojson: a file that trailmark did not write is there"),
-        (["--output", "own.svg"], "own.svg: a file that trailmark did not write is there"),
-        (["--frame-id", "my map"], "expected a name without blanks, such as map, got --frame-id 'my map'"),
-        (["--robot", "[[0.3, 0.2], [0.3]]"], "expected disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or [["),
-        (["--robot", "robot_radius:0"], "disc: radius: expected a number above 0"),
-        (["--robot", "none.yaml"], "none.yaml: cannot be read: No such file"),
-        (["--robot", "own.yaml"], "own.yaml: no robot: expected a robot {shape: ...}, a world with one, or parameters"),
-        (["--robot", "world.yaml", "--output", "world.yaml"], "world.yaml: is the same file as the input"),
-        (["--start", "1,1,90degrees", "--goal", "9,5,0"], "or degrees such as 90deg), got --start '1,1,90degrees'"),
-    ],
-)
-def test_bad_input_is_told_in_one_line(
-    shell: Shell,
-    yard: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    planner: Any,
-    words: list[str],
-    problem: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name in ("own.yaml", "own.nav2.json", "own.geojson", "own.svg"):
-        Path(name).write_text('{"features": []}\n')
-    World.load(yard).save("world.yaml")
-    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
-    run = shell("plan", "office", *words)
-    assert run.status == 2
-    assert problem in run.problem
-    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
-    assert planner.calls == []

@@ -32,20 +32,3 @@ def test_time_takes_the_speeds_of_the_time_law(shell: Shell, yard: Path) -> None
     record = json.loads(run.out)
     assert record["objective"]["max_speed"] == 0.5
     assert record["cost"] == pytest.approx(record["length"] / 0.5 + record["rotation"] / 2.0)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [("shortest", "got 'shortest'"), ("length=x", "expected a number"), ("clearance=1", "above 0"), ("", "got ''")],
-)
-def test_no_objective_is_one_line(shell: Shell, yard: Path, given: str, message: str) -> None:
-    run = shell("plan", yard, "--objective", given)
-    assert run.status == 2
-    assert message in run.err
-    assert run.err.strip().count("\n") == 0
-
-
-def test_speeds_without_use_are_refused(shell: Shell, yard: Path) -> None:
-    run = shell("plan", yard, "--max-speed", "1")
-    assert run.status == 2
-    assert "--trajectory" in run.err
