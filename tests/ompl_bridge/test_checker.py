@@ -150,36 +150,3 @@ tell(status=status.asString(), certified=bool(checker.motions_valid(path[:-1], p
     assert found["status"] == "Exact solution"
     assert found["certified"]
     assert found["n"] >= 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("space", "error", "words"),
-    [
-        ("ob.RealVectorStateSpace(2)", "SpaceError", "SE2StateSpace"),
-        ("ob.SE3StateSpace()", "SpaceError", "SE2StateSpace"),
-        ("ob.SE2StateSpace()", "BoundsError", "bounds"),
-        ("wide", "BoundsError", "within world 'office'"),
-    ],
-)
-def test_spaces_that_do_not_fit_are_refused(run_ompl: Any, space: str, error: str, words: str) -> None:
-    found = run_ompl(f"""
-from trailmark import StateChecker
-wide = ob.SE2StateSpace()
-bounds = ob.RealVectorBounds(2)
-bounds.setLow(-1.0); bounds.setHigh(50.0)
-wide.setBounds(bounds)
-si = ob.SpaceInformation({space})
-checker = StateChecker(shipped("office"))
-for part in (StateValidityChecker, MotionValidator):
-    try:
-        part(si, checker)
-        tell(**{{part.__name__: "made"}})
-    except BridgeError as raised:
-        tell(**{{part.__name__: [type(raised).__name__, str(raised)]}})
-""")
-    for part in ("StateValidityChecker", "MotionValidator"):
-        kind, message = found[part]
-        assert kind == error
-        assert words in message
-        assert "\n" not in message
