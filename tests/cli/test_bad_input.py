@@ -37,7 +37,7 @@ CASES = {
         ("yard.yaml --start 1,2,3 --goal 1,2,3 --query back", "expected --query or --start and --goal,"),
         ("yard.yaml --start 1,1,0 --goal 2,2 --goal-tolerance 0.1,0.2", "expected a goal X,Y,T, got --goal '2,2'"),
         ("yard.yaml --goal-tolerance -0.1", "0 or more"),
-        ("yard.yaml --goal-tolerance 0.1,x", "M,RAD"),
+        ("yard.yaml --goal-tolerance 0.1,x", "METRES,RADIANS"),
         ("yard.yaml --start -3,1,0 --goal 1,1,0", "out of bounds by 3 m"),
         ("yard.yaml --robot square:1", "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or [["),
         ("yard.yaml --robot robot_radius:0", "expected a number above 0"),

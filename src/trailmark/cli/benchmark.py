@@ -157,7 +157,7 @@ def _run(plan: Benchmark, store: Any, pool: Any, file: Path) -> Tally:
             last[:] = [tally]
             progress.phase, progress.done = tally.latest or progress.phase, (tally.done, tally.total)
             progress.details = [f"{tally.left:.0f} s left"] if tally.made and tally.left is not None else []
-            progress.details += [f"{tally.failed} without a solution"] if tally.failed else []
+            progress.details += [f"{tally.failed} unsolved"] if tally.failed else []
 
         try:
             return plan.run(store, pool, follow)
@@ -205,12 +205,7 @@ class Wanted(NamedTuple):
 
 
 def _read_source(suite: str | None, data: str | None) -> tuple[Suite | None, Public | None]:
-    """Return the suite that ``--suite`` and ``--data`` give: that of a file, or a public one; neither without them.
-
-    Raises:
-        UsageError: ``--data`` without a public suite.
-        TrailmarkError: no such suite, file or folder.
-    """
+    """Return the suite that ``--suite`` and ``--data`` give: that of a file, or a public one; neither without them."""
     from trailmark.benchmark.public.catalogue import PUBLIC, folder_of
     from trailmark.benchmark.suites import read_suite
     from trailmark.errors import expected_name
@@ -249,9 +244,6 @@ def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | Non
         suite: of a file.
         public: a public suite and its folder.
         wanted: what the options say.
-
-    Raises:
-        UsageError: no world is named.
     """
     from trailmark.benchmark.public.base import evenly
     from trailmark.library import shipped_worlds

@@ -149,11 +149,7 @@ def explore(
 
 
 def _folder(output: Text, resume: Text, begun: dict[str, Text]) -> Path:
-    """Return the folder that is written.
-
-    Raises:
-        UsageError: there is none, there are two, or an exploration that goes on is to be begun otherwise.
-    """
+    """Return the folder that is written."""
     if resume is None:
         if output is None:
             raise UsageError("--output is missing; expected --output DIR, or --resume DIR")
@@ -224,11 +220,7 @@ class Beginning(NamedTuple):
 
     @classmethod
     def read(cls, given: Mapping[str, object]) -> Beginning:
-        """Return what options say that are looked at before the world is read.
-
-        Raises:
-            TrailmarkError: one of them cannot be read, or there is no world.
-        """
+        """Return what options say that are looked at before the world is read."""
         words = {name: str(text) for name, text in given.items()}
         if "world" not in words:
             raise UsageError("WORLD is missing; expected a file, a shipped world's name, or --resume DIR")
@@ -258,11 +250,7 @@ class Beginning(NamedTuple):
         return self.words | {name: str(file.absolute()) for name, file in files.items() if file.exists()}
 
     def explorer(self, world: World, limits: Limits, saved: SavedExploration | None) -> Explorer:
-        """Return what explores the world.
-
-        Raises:
-            TrailmarkError: the world does not go with the options, or with what was saved.
-        """
+        """Return what explores the world."""
         from trailmark.exploration.exploration_settings import ExplorationSettings
         from trailmark.exploration.explorer import Explorer
         from trailmark.exploration.simulated_robot import disc_detector, laser_scanner

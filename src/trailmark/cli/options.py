@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share, and how their words are read."""
+"""Arguments and options that several commands share. What reads them raises a TrailmarkError or UsageError."""
 
 from __future__ import annotations
 
@@ -95,11 +95,7 @@ class RobotOptions(NamedTuple):
         forward_only: bool = False,
         drive: str | None = None,
     ) -> RobotOptions:
-        """Return what the options say, looked at before the world is read.
-
-        Raises:
-            TrailmarkError: one of them cannot be read.
-        """
+        """Return what the options say, looked at before the world is read."""
         radius = None
         if turning_radius is not None:
             expected = f"a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
@@ -111,12 +107,7 @@ class RobotOptions(NamedTuple):
         return self.steered(robot_of(world, self.robot))
 
     def steered(self, robot: Robot) -> Robot:
-        """Return a robot with the drive and turning radius that were given.
-
-        Raises:
-            UsageError: ``--forward-only`` for a robot without turning radius.
-            ShapeError: no such drive, or one that does not go with the turning radius.
-        """
+        """Return a robot with the drive and turning radius that were given."""
         radius = robot.turning_radius if self.turning_radius is None else self.turning_radius
         if self.drive is not None:
             # A car's radius means nothing to another drive, unless it is given.
@@ -137,9 +128,6 @@ def read_configuration(text: str, option: str) -> Configuration:
     """Return the configuration that an option gives as ``X,Y,T``; T is in radians, or in degrees as in ``90deg``.
 
     A heading in radians beyond a full turn is warned of.
-
-    Raises:
-        UsageError: anything but three finite numbers.
     """
     from trailmark.arguments import angle
 
@@ -151,21 +139,19 @@ def read_configuration(text: str, option: str) -> Configuration:
     if not all(map(math.isfinite, (x, y, theta))):
         allowed = "finite numbers (metres, metres, radians, or degrees such as 90deg)"
         raise UsageError(f"expected X,Y,T, {allowed}, got {option} {text!r}")
-    if abs(theta) > 2.0 * math.pi and "deg" not in heading:
-        console.warn(
-            f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, give {heading}deg"
-        )
+    if abs(theta) > 2.0 * math.pi:
+        if "deg" not in heading:
+            console.warn(
+                f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, give {heading}deg"
+            )
+        theta = math.remainder(theta, 2.0 * math.pi)  # else it is warned of again where it is used
     return x, y, theta
 
 
 def read_number(
     text: str, option: str, expected: str, *, above: float = -math.inf, low: float = -math.inf, high: float = math.inf
 ) -> float:
-    """Return the finite number above ``above`` and from ``low`` to ``high`` that an option gives.
-
-    Raises:
-        UsageError: anything else; ``expected`` says what is.
-    """
+    """Return the finite number above ``above`` and from ``low`` to ``high`` that an option gives."""
     try:
         number = float(text)
     except ValueError:
@@ -186,11 +172,7 @@ def read_length(text: str, option: str) -> float:
 
 
 def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
-    """Return the integer from ``low`` to ``high`` that an option gives; by default the range of numpy's seeds.
-
-    Raises:
-        UsageError: anything else.
-    """
+    """Return the integer from ``low`` to ``high`` that an option gives; by default the range of numpy's seeds."""
     try:
         count = int(text)
     except ValueError:
@@ -207,23 +189,14 @@ def read_probability(text: str, option: str) -> float:
 
 
 def read_frame(text: str) -> str:
-    """Return the name of a coordinate frame.
-
-    Raises:
-        UsageError: an empty one, or one with blanks or control characters.
-    """
+    """Return the name of a coordinate frame."""
     if not text or any(c.isspace() or not c.isprintable() for c in text):
         raise UsageError(f"expected a name without blanks, such as map, got --frame-id {text!r}")
     return text
 
 
 def read_robot(text: str | None) -> Robot | None:
-    """Return the robot that ``--robot`` describes, or that the YAML file it names holds; None for None.
-
-    Raises:
-        ShapeError: a description that cannot be read.
-        FormatError: a file that cannot be read, or that holds no robot.
-    """
+    """Return the robot that ``--robot`` describes, or that the YAML file it names holds; None for None."""
     if text is None:
         return None
     from trailmark.robot import Robot
@@ -240,9 +213,6 @@ def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
     """Return the file to be written, once its suffix is known and it can be written; None for None.
 
     Without suffixes, the function that writes the file checks what is there already.
-
-    Raises:
-        OutputError: another suffix, a file that cannot be written, or one that trailmark did not write.
     """
     if text is None:
         return None
@@ -257,11 +227,7 @@ def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
 
 
 def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
-    """Raise if an output is one of the files read, or another output; to be asked before long work.
-
-    Raises:
-        OutputError: it is.
-    """
+    """Raise if an output is one of the files read, or another output; to be asked before long work."""
     from trailmark.formats.outputs import require_not_an_input
 
     read, written = tuple(inputs), set[Path]()
@@ -280,9 +246,6 @@ def load_world(text: str, keepout: str | None = None, speed: str | None = None, 
         keepout: file of a keep-out mask.
         speed: file of a speed mask.
         max_speed: metres per second that the speed mask's percentages refer to.
-
-    Raises:
-        TrailmarkError: there is none, or a file does not hold what it should.
     """
     from trailmark.formats.nav2_map import unknown_taken_for_free
     from trailmark.world import World
@@ -309,11 +272,7 @@ def grown_for(world: World, robot: Robot) -> World:
 
 
 def robot_of(world: World, given: Robot | None) -> Robot:
-    """Return the robot that was given, else the world's own.
-
-    Raises:
-        UsageError: there is neither.
-    """
+    """Return the robot that was given, else the world's own."""
     robot = given or world.robot
     if robot is None:
         shapes = "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)"

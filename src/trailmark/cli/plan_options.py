@@ -128,11 +128,7 @@ class EndOptions(NamedTuple):
 
     @classmethod
     def read(cls, query: str | None, start: str | None, goals: list[str] | None, tolerance: str | None) -> EndOptions:
-        """Return what the options say.
-
-        Raises:
-            UsageError: one of them cannot be read, or they do not go together.
-        """
+        """Return what the options say."""
         within = None if tolerance is None else _read_tolerance(tolerance)
         if start is None and not goals:
             return cls(query, None, [], within)
@@ -141,19 +137,13 @@ class EndOptions(NamedTuple):
         if start is None or not goals:
             given, missing = (f"--start {start!r}", "--goal") if not goals else (f"--goal {goals[0]!r}", "--start")
             raise UsageError(f"{given} given without {missing}; expected both or neither")
-        poses = [_within_a_turn(_read_goal(goal)) for goal in goals]
+        poses = [_read_goal(goal) for goal in goals]
         if within is not None and within[1] > 0.0 and all(len(pose) == 2 for pose in poses):
             raise UsageError(f"--goal-tolerance {tolerance!r}: expected a goal X,Y,T, got --goal {goals[0]!r}")
-        x, y, theta = _within_a_turn(options.read_configuration(start, "--start"))
-        return cls(None, (x, y, theta), poses, within)
+        return cls(None, options.read_configuration(start, "--start"), poses, within)
 
     def ends(self, world: World) -> tuple[str | None, Configuration, Configuration | tuple[Goal, ...]]:
-        """Return the query's name if it is one of the world's, the start, and the goal or goals.
-
-        Raises:
-            UsageError: a tolerance for a query that says itself where its paths may end.
-            WorldError: no such query.
-        """
+        """Return the query's name if it is one of the world's, the start, and the goal or goals."""
         from trailmark.goals import Goal
 
         if self.start is not None:
@@ -176,11 +166,6 @@ class EndOptions(NamedTuple):
         return name, start, tuple(goals)
 
 
-def _within_a_turn(q: tuple[float, ...]) -> tuple[float, ...]:
-    """Return a configuration whose heading, if it was warned of, nobody warns of again."""
-    return (*q[:2], *(math.remainder(v, 2.0 * math.pi) if abs(v) > 2.0 * math.pi else v for v in q[2:]))
-
-
 def _read_goal(text: str) -> tuple[float, ...]:
     """Return the numbers of ``X,Y,T`` or ``X,Y``."""
     if text.count(",") != 1:
@@ -193,7 +178,7 @@ def _read_goal(text: str) -> tuple[float, ...]:
 
 
 def _read_tolerance(text: str) -> tuple[float, float]:
-    """Return the metres and radians, 0 by default, of ``M[,RAD]``."""
+    """Return the metres and radians, 0 by default, of ``METRES[,RADIANS]``."""
     from trailmark.arguments import angle
 
     metres, comma, heading = text.partition(",")
@@ -201,18 +186,14 @@ def _read_tolerance(text: str) -> tuple[float, float]:
         radians = angle(heading) if comma else 0.0
     except ValueError:
         radians = math.nan
-    expected = "M or M,RAD, numbers of 0 or more (metres, radians or degrees such as 10deg)"
+    expected = "METRES or METRES,RADIANS, numbers of 0 or more (degrees as in 10deg)"
     if not 0.0 <= radians < math.inf:
         raise UsageError(f"expected {expected}, got --goal-tolerance {text!r}")
     return options.read_number(metres, "--goal-tolerance", expected, low=0.0), radians
 
 
 def read_clearance(text: Text, relax: bool) -> float | None:
-    """Return the metres that ``--clearance`` gives; None for None.
-
-    Raises:
-        UsageError: no number of 0 or more, or ``--relax`` without it.
-    """
+    """Return the metres that ``--clearance`` gives; None for None."""
     if text is not None:
         return options.read_number(text, "--clearance", "metres, from 0 to 1e7", low=0.0, high=1e7)
     if relax:
@@ -221,11 +202,7 @@ def read_clearance(text: Text, relax: bool) -> float | None:
 
 
 def read_layers(text: Text, plot: Text) -> Layers:
-    """Return what a picture is to show.
-
-    Raises:
-        TrailmarkError: an unknown layer, or layers without a picture.
-    """
+    """Return what a picture is to show."""
     from trailmark.layers import ALL, Layers
 
     if text is not None and plot is None:
@@ -236,11 +213,7 @@ def read_layers(text: Text, plot: Text) -> Layers:
 def read_objective(
     text: str | None, timing: Timing, reverse_cost: str | None, direction_change_cost: str | None
 ) -> Callable[[Robot], Objective]:
-    """Return what makes the objective that ``--objective`` names for a robot; speeds are those of the time law.
-
-    Raises:
-        UsageError: another name, or a weight that is no number; for a robot, costs of what it does not do.
-    """
+    """Return what makes the objective that ``--objective`` names for a robot; speeds are those of the time law."""
     from trailmark.errors import ConfigurationError
     from trailmark.objective import Objective
 
@@ -340,12 +313,7 @@ def read_timing(
     *,
     needed: bool = False,
 ) -> Timing:
-    """Return what the options say; ``needed`` says whether limits are of use without a trajectory.
-
-    Raises:
-        UsageError: limits that are out of range, or that nothing needs.
-        OutputError: files that cannot be written.
-    """
+    """Return what the options say; ``needed`` says whether limits are of use without a trajectory."""
     given = (
         ("--max-speed", speed, DEFAULT_SPEED, "m/s"),
         ("--max-acceleration", acceleration, DEFAULT_ACCELERATION, "m/s²"),
@@ -367,11 +335,7 @@ def read_timing(
 
 
 def read_step(text: Text, output: Path | None) -> float | None:
-    """Return the metres that ``--step`` gives; None for None.
-
-    Raises:
-        UsageError: no number above 0, or no file to which it applies.
-    """
+    """Return the metres that ``--step`` gives; None for None."""
     if text is None:
         return None
     if output is None:
