@@ -73,7 +73,12 @@ def test_everything_is_written(shell: Shell, rooms: Path, tmp_path: Path, explor
         assert (run.status, run.err) == (ends, "trailmark: error: interrupted\n" if ends else "")
         assert sorted(file.name for file in (tmp_path / "run").iterdir()) == sorted(FILES)
         assert f"rooms: {status}" in run.out
-    for said in ("rooms: complete", "99.80% of what can be seen, 0 collisions, NEES 2.90", "8.77 m", "4 driven to"):
+    for said in (
+        "rooms: complete",
+        "99.80% of the visible area seen, 0 collisions, NEES 2.90",
+        "8.77 m",
+        "4 driven to",
+    ):
         assert said in run.out
     assert str(tmp_path / "run") in run.out
 

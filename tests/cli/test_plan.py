@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 from collections.abc import Callable
 from math import pi
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from trailmark.curves import CurvePath, Steering
+from trailmark.formats.any_path import read_any_path
 from trailmark.goals import Goal
 from trailmark.planning import PlannerSettings
 from trailmark.world import Robot
@@ -137,24 +141,13 @@ def test_without_a_path_there_are_no_rows_to_write(
     assert run.status == 3
     assert "written" not in run.out
     assert list(tmp_path.iterdir()) == [yard]
-    assert run.err.splitlines() == [f"trailmark: {tmp_path / f'path{suffix}'}: not written, for there is no path"]
+    assert run.err.splitlines() == [f"trailmark: {tmp_path / f'path{suffix}'}: not written: there is no path"]
     planner.status = "solved"
     assert shell("plan", yard, "--output", tmp_path / f"path{suffix}").status == 0
     planner.status = "timeout"
     run = shell("plan", yard, "--output", tmp_path / f"path{suffix}")
     assert (run.status, len(run.err.splitlines())) == (3, 1)
-    assert "what it holds is older, and left as it is" in run.err
-
-
-@pytest.mark.parametrize(
-    ("status", "verdict"), [("timeout", "no path found"), ("infeasible", "infeasible: no path exists")]
-)
-def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: str, verdict: str) -> None:
-    planner.status = status
-    run = shell("plan", yard, "--time-limit", "0.5")
-    assert run.out.startswith(f"yard · across: {verdict}: shut in at the start\n")
-    assert "cost" not in run.out
-    assert "3 landmarks" in run.out
+    assert "the older file is kept" in run.err
 
 
 @pytest.mark.slow
@@ -211,3 +204,131 @@ def test_programming_errors_keep_their_traceback(shell: Shell, yard: Path, plann
 def test_an_option_in_degrees_is_warned_of_once(shell: Shell, yard: Path, planner: Any) -> None:
     run = shell("plan", yard, "--start", "1,1,0", "--goal", "9,5,90", "--goal-tolerance", "0.1")
     assert run.err.count("\n") == run.err.count("taken as radians") == 1
+
+
+STATES = [[1.0, 1.0, 0.0], [5.0, 1.0, 0.5], [9.0, 5.0, 1.5]]
+PARAMETERS = "global_costmap:\n  global_costmap:\n    ros__parameters: {robot_radius: 0.22}\n"
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".yml", ".nav2.json", ".geojson"])
+def test_a_path_for_others_comes_back(shell: Shell, yard: Path, tmp_path: Path, planner: Any, suffix: str) -> None:
+    file = tmp_path / f"path{suffix}"
+    for frame in ("map", "odom"):  # the second one replaces the first
+        assert shell("plan", yard, "--output", file, "--frame-id", frame).status == 0
+        assert f'"{frame}"' in file.read_text()
+        np.testing.assert_allclose(read_any_path(file).path.states, STATES, atol=1e-15)
+    planner.status = "timeout"
+    before = file.read_text()
+    assert shell("plan", yard, "--output", file).status == 3
+    assert file.read_text() == before, "what is no path replaces none"
+
+
+@pytest.mark.parametrize(
+    ("text", "robot"),
+    [
+        ("[[0.3, 0.2], [0.3, -0.2], [-0.3, 0]]", Robot.polygon([[0.3, 0.2], [0.3, -0.2], [-0.3, 0.0]])),
+        ("robot_radius:0.22", Robot.disc(0.22)),
+        ("PARAMETERS", Robot.disc(0.22)),
+    ],
+)
+def test_robots_as_nav2_has_them(
+    shell: Shell, yard: Path, tmp_path: Path, planner: Any, text: str, robot: Robot
+) -> None:
+    (tmp_path / "nav2_params.yaml").write_text(PARAMETERS)
+    given = str(tmp_path / "nav2_params.yaml") if text == "PARAMETERS" else text
+    assert shell("plan", yard, "--robot", given).status == 0
+    assert planner.calls[0]["robot"] == robot
+
+
+def test_headings_in_degrees(shell: Shell, yard: Path, planner: Any) -> None:
+    run = shell("plan", yard, "--start", "1,1,-90deg", "--goal", "9,5,450 deg", "--json")
+    assert (run.status, run.err) == (0, "")
+    assert planner.calls[0]["start"] == (1.0, 1.0, -math.pi / 2)
+    assert json.loads(run.out)["states"][0][2] == -math.pi / 2
+
+
+@pytest.mark.slow
+def test_an_objective_is_planned_for_and_told(shell: Shell, yard: Path) -> None:
+    words = ("plan", yard, "--objective", "clearance", "--gap", "0.5", "--time-limit", "20")
+    run = shell(*words, "--json")
+    assert run.status == 0
+    record = json.loads(run.out)
+    assert record["objective"]["clearance"] == 5.0
+    assert record["lower_bound"] <= record["cost"]
+    assert record["cost"] > record["length"]
+    assert "clearance 5" in shell(*words).out
+
+
+@pytest.fixture
+def cars(yard: Path) -> Path:
+    text = yard.read_text()
+    yard.write_text(text.replace("width: 0.4}", "width: 0.4, turning_radius: 0.9}"))
+    return yard
+
+
+def test_options_make_the_robot_a_car(shell: Shell, yard: Path, planner: Any) -> None:
+    box = Robot.rectangle(0.8, 0.4)
+    for words, robot in (
+        ([], box),
+        (["--turning-radius", "1.5"], box.steered(1.5)),
+        (["--turning-radius", "1.5", "--forward-only"], box.steered(1.5, reverse=False)),
+        (["--robot", "disc:0.2", "--turning-radius", "2"], Robot.disc(0.2).steered(2.0)),
+    ):
+        assert shell("plan", yard, *words).status == 0
+        assert planner.calls[-1]["robot"] == robot
+
+
+def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) -> None:
+    box = Robot.rectangle(0.8, 0.4)
+    for words, robot in (
+        ([], box.steered(0.9)),
+        (["--forward-only"], box.steered(0.9, reverse=False)),
+        (["--turning-radius", "1.5"], box.steered(1.5)),
+        # Another robot is another robot.
+        (["--robot", "disc:0.2"], Robot.disc(0.2)),
+    ):
+        assert shell("plan", cars, *words).status == 0
+        assert planner.calls[-1]["robot"] == robot
+
+
+def test_a_differential_drive_reverses_as_its_file_and_the_options_say(shell: Shell, yard: Path, planner: Any) -> None:
+    text = yard.read_text()
+    yard.write_text(text.replace("width: 0.4}", "width: 0.4, drive: differential, reverse: true}"))
+    box = Robot.rectangle(0.8, 0.4)
+    for words, reverse in (
+        ([], True),
+        (["--drive", "differential"], True),
+        (["--forward-only"], False),
+        (["--drive", "differential", "--forward-only"], False),
+    ):
+        assert shell("plan", yard, *words).status == 0
+        assert planner.calls[-1]["robot"] == box.differential(reverse)
+
+
+@pytest.mark.slow
+def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
+    files, picture = [tmp_path / f"path{suffix}" for suffix in (".json", ".csv", ".path")], tmp_path / "plan.svg"
+    for file, drawn in zip(files, [("--plot", picture), (), ()], strict=True):
+        run = shell("plan", cars, "--json", "--output", file, *drawn, "--time-limit", "20", "--max-iterations", "1")
+        assert run.status == 0
+        record = json.loads(run.out)
+        curve = record["curve"]
+        path = CurvePath(np.array(curve["knots"]), Steering(curve["turning_radius"], curve["kind"] == "reeds-shepp"))
+        assert curve["turning_radius"] == 0.9
+        assert record["cost"] == record["length"] == path.length
+        assert record["lower_bound"] <= record["cost"] + 1e-9
+        assert np.array_equal(read_any_path(file).path.states, path.states)
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_costs_of_maneuvers(shell: Shell, worlds: Path) -> None:
+    given = ("plan", worlds / "parking.yaml", "--query", "bay", "--turning-radius", "4.5", "--max-iterations", "1")
+    run = shell(*given, "--direction-change-cost", "2", "--reverse-cost", "1.2", "--json")
+    assert run.status == 0
+    record = json.loads(run.out)
+    assert record["objective"]["direction_change"] == 2.0
+    maneuvers = 2.0 * record["direction_changes"] + 0.2 * record["reverse_length"]
+    assert record["cost"] == pytest.approx(record["length"] + maneuvers)
+    assert "objective" not in json.loads(shell(*given, "--objective", "length", "--json").out)
+    assert "a change of direction 3 m" in shell(*given).out

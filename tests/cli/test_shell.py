@@ -25,12 +25,6 @@ def python(program: str, **how: Any) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-def test_the_package_runs_as_a_program() -> None:
-    done = subprocess.run([sys.executable, "-m", "trailmark", "--version"], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, f"trailmark {trailmark.__version__}\n")
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("typed", "offered"), [("trailmark wo", ["worlds"]), ("trailmark plan --turn", ["--turning-radius"])]
 )
@@ -38,15 +32,6 @@ def test_words_are_completed(typed: str, offered: list[str]) -> None:
     asked = {"_TRAILMARK_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
     done = subprocess.run(COMMAND, capture_output=True, text=True, check=False, env=os.environ | asked)
     assert (done.returncode, done.stdout.split(), done.stderr) == (0, offered, "")
-
-
-@pytest.mark.parametrize("heading", ["90", "-180", "6.3"])
-def test_headings_in_degrees_are_reported(shell: Shell, yard: Path, planner: Any, heading: str) -> None:
-    run = shell("plan", yard, "--start", f"1,1,{heading}", "--goal=9,5,-6.28")
-    assert run.status == 0
-    assert run.err.count("\n") == 1
-    assert f"the heading {heading} is taken as radians" in run.err
-    assert len(planner.calls) == 1
 
 
 def test_version(shell: Shell) -> None:

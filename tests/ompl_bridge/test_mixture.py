@@ -76,22 +76,6 @@ def test_what_must_be_valid_is(robot: str, seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_rounds_alternate_with_the_mixture(narrow: StateChecker) -> None:
-    query = narrow.world.query("second")
-    source = LandmarkSource(narrow, query=[query.start, query.goal], seed=0)
-    stream = LandmarkStream(source, ROADMAP_MIXTURE, 0)
-    first = source.round(0)
-    assert first is not None
-    taken(stream, len(first))
-    assert stream.tally[1:] == [0] * (len(ORIGINS) - 1)
-    taken(stream, 4000)
-    assert source.made > 2
-    assert stream.tally[0] > 2 * len(first)
-    assert min(stream.tally[1:4]) > 100
-    assert len(stream.landmarks) >= stream.tally[0]
-
-
-@pytest.mark.slow
 def test_every_free_place_is_hit_in_the_end(narrow: StateChecker) -> None:
     # The only landmark is in a corner. Cells of 2 m by 2 m by a quarter of a turn that are free to 10 % are all hit.
     stream = LandmarkStream(LandmarkSource(narrow, [[1.6, 2.0, 0.0]]), ROADMAP_MIXTURE, 0)

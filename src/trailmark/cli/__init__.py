@@ -1,8 +1,8 @@
 """The shell command ``trailmark``: one file per command, heavy imports inside the commands.
 
 A new command is a new file here and one line below. Exit status: 0 done, 2 bad input or usage (one line on
-stderr), 3 no path found within the time limit, 4 proven infeasible, 5 a path that was checked collides or is none that
-the robot can drive, 130 interrupted, 141 the reader of stdout went away, 143 terminated.
+stderr), 3 no path found within the time limit, 4 proven infeasible, 5 a checked path collides or cannot be driven, 130
+interrupted, 141 stdout closed by its reader, 143 terminated.
 """
 
 from __future__ import annotations

@@ -178,7 +178,7 @@ def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) 
         console.say(console.json_text(record))
         return
     before = tally.total - tally.made
-    there = f", {before:,} were there already" if before else ""
+    there = f", {before:,} already there" if before else ""
     console.say(f"{tally.made:,} runs made, {tally.failed:,} of them without a correct solution{there}")
     results = load_results(file)
     console.print_table(summary_rows(results, planners), indent="  ")
@@ -188,7 +188,7 @@ def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) 
 
 
 class Wanted(NamedTuple):
-    """What the options say about problems: robot, names of queries (all if empty) and number (all if None)."""
+    """The options about problems: robot, names of queries (all if empty) and number (all if None)."""
 
     robot: options.RobotOptions
     queries: tuple[str, ...]
@@ -222,7 +222,7 @@ def _read_source(suite: str | None, data: str | None) -> tuple[Suite | None, Pub
 
 
 def _print_suites() -> None:
-    """Print the public suites: what each holds, who plans in it, what its folder holds and where it is published."""
+    """Print each public suite with its contents, robot, expected folder and source."""
     from trailmark.benchmark.public.catalogue import PUBLIC
 
     for suite in PUBLIC.values():
@@ -243,7 +243,7 @@ def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | Non
         worlds: files or names.
         suite: of a file.
         public: a public suite and its folder.
-        wanted: what the options say.
+        wanted: the options.
     """
     from trailmark.benchmark.public.base import evenly
     from trailmark.library import shipped_worlds
@@ -255,7 +255,7 @@ def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | Non
     ]
     for entry in suite.entries if suite is not None else ():
         if entry.missing:
-            console.note(f"left out, for it is not there: {entry.world}")
+            console.note(f"skipped, not found: {entry.world}")
             continue
         world = options.load_world(entry.world)
         names = [*entry.names, *(query.name for query in entry.queries)]
@@ -271,7 +271,7 @@ def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | Non
 def _public(suite: PublicSuite, folder: Path, wanted: Wanted) -> list[Problem]:
     there = suite.find(folder)
     for line in there.left_out:
-        console.note(f"left out: {line}")
+        console.note(f"skipped: {line}")
     # Queries are chosen by name among all, for a name is no place in the spread.
     count = None if wanted.queries else wanted.number
     robot = None if wanted.robot.robot is None else wanted.robot.steered(wanted.robot.robot)

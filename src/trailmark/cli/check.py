@@ -22,7 +22,7 @@ WRONG = 5
 """Exit status if the path collides, or holds motions that the robot's drive cannot make."""
 
 ZONES = ("keep-out zone ", "one-way zone ")
-"""What the names of zones begin with."""
+"""Prefixes of the names of zones."""
 
 SHOWN = 12
 """Collisions, and motions that the robot cannot make, that the summary lists at most."""
@@ -179,7 +179,7 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
     if len(undrivable) > SHOWN:
         rows.append(("", f"and {len(undrivable) - SHOWN:,} more"))
     if audit.free:
-        rows.append(("clearance", f"{audit.min_clearance:.6f} m at its least, {audit.min_clearance_at:.4f} m along"))
+        rows.append(("clearance", f"minimum {audit.min_clearance:.6f} m, {audit.min_clearance_at:.4f} m along"))
     bound = record["lower_bound"]
     # A polygon through states on a car's curve is shorter than that.
     above = bool(bound) and audit.free and audit.cost >= bound
@@ -199,7 +199,7 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
 
 
 def _curvature(largest: float, radius: float | None) -> str:
-    """Return what the path's largest curvature means for a robot of a turning radius."""
+    """Return the path's largest curvature, compared to the robot's turning radius."""
     text = f"{largest:.4g} 1/m at most" if largest < math.inf else "turns in place"
     if 0.0 < largest < math.inf:
         text += f" (radius {1.0 / largest:.4g} m)"

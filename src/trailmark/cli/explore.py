@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["explore"]
 
 EXIT_STATUS = {"complete": 0, "time": 0, "distance": 0, "stuck": 3, "silent": 3}
-"""By status; what is interrupted ends as every command does."""
+"""By status; an interrupted exploration ends as every command does."""
 
 SENSORS = ("laser", "detections")
 STRATEGIES = ("tour", "gain-per-cost", "nearest-frontier")  # those of trailmark.exploration, which is heavy to import
@@ -84,11 +84,10 @@ def explore(
     begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range}
     begun |= {"confidence": confidence, "noise": noise, "seed": seed}
     folder = _folder(output, resume, begun)
-    limits = Limits(
-        math.inf if time_limit is None else options.read_duration(time_limit, "--time-limit"),
-        math.inf if max_distance is None else options.read_length(max_distance, "--max-distance"),
-        return_home,
-    )
+    limits = {
+        "time_limit": math.inf if time_limit is None else options.read_duration(time_limit, "--time-limit"),
+        "distance_limit": math.inf if max_distance is None else options.read_length(max_distance, "--max-distance"),
+    }
     words = {name: text for name, text in (begun | {"world": world, "strategy": strategy}).items() if text is not None}
     beginning = Beginning.read(words) if resume is None else None
     from trailmark.exploration.exploration_folder import (
@@ -107,7 +106,7 @@ def explore(
             beginning = Beginning.read((saved.options if saved else {}) | words)
         hidden = options.load_world(beginning.world)
         options.protect_inputs((*hidden.sources, *beginning.robot_file), *(folder / name for name in FILES))
-        explorer, words = beginning.explorer(hidden, limits, saved), beginning.kept()
+        explorer, words = beginning.explorer(hidden, saved, limits, return_home), beginning.kept()
 
         def keep() -> None:
             keep_exploration(explorer.saved()._replace(options=words), folder)
@@ -158,9 +157,7 @@ def _folder(output: Text, resume: Text, begun: dict[str, Text]) -> Path:
         return Path(output)
     for name, text in begun.items():
         if text is not None:
-            raise UsageError(
-                f"--{name} {text!r} given with --resume, which goes on as it was begun; expected it without"
-            )
+            raise UsageError(f"--{name} {text!r} given with --resume, which keeps the options that it began with")
     if output is not None and Path(output) != Path(resume):
         raise UsageError(f"expected --output or --resume, got both (--output {output!r}, --resume {resume!r})")
     return Path(resume)
@@ -186,25 +183,14 @@ def _print_summary(record: dict[str, Any], result: ExplorationResult, folder: Pa
         ("time", f"{times['total']:.2f} s; {decisions}, at most {1e3 * times['decision_max']:.0f} ms"),
     ]
     if result.evaluation is not None:
-        told = f"{record['seen']:.2%} of what can be seen, {console.plural(record['collisions'], 'collision')}"
+        told = f"{record['seen']:.2%} of the visible area seen, {console.plural(record['collisions'], 'collision')}"
         nees = "" if record["nees"] is None else f", NEES {record['nees']:.2f} of 3"
         rows.insert(0, ("seen", f"{told}{nees}"))
     console.print_table([*rows, ("written", str(folder))], indent="  ")
 
 
-class Limits(NamedTuple):
-    """Where an exploration ends, whatever is left to be seen."""
-
-    time: float
-    """Seconds of the robot's clock."""
-    distance: float
-    """Metres driven."""
-    return_home: bool
-    """Whether it drives back to its start then."""
-
-
 class Beginning(NamedTuple):
-    """With what an exploration is begun."""
+    """The options with which an exploration begins."""
 
     words: dict[str, str]
     """The options that were given, by their names without dashes, and the world."""
@@ -249,8 +235,10 @@ class Beginning(NamedTuple):
         files = {name: Path(self.words[name]) for name in names}
         return self.words | {name: str(file.absolute()) for name, file in files.items() if file.exists()}
 
-    def explorer(self, world: World, limits: Limits, saved: SavedExploration | None) -> Explorer:
-        """Return what explores the world."""
+    def explorer(
+        self, world: World, saved: SavedExploration | None, limits: dict[str, Any], return_home: bool
+    ) -> Explorer:
+        """Return the explorer of the world, until a limit of time (seconds) or distance (metres)."""
         from trailmark.exploration.exploration_settings import ExplorationSettings
         from trailmark.exploration.explorer import Explorer
         from trailmark.exploration.simulated_robot import disc_detector, laser_scanner
@@ -258,12 +246,7 @@ class Beginning(NamedTuple):
         body = options.robot_of(world, self.robot)
         if self.start is None and not world.queries:
             raise UsageError(f"world {world.name!r} holds no query to start from; expected --start X,Y,T")
-        settings = ExplorationSettings(
-            confidence=self.confidence,
-            time_limit=limits.time,
-            distance_limit=limits.distance,
-            return_home=limits.return_home,
-        )
+        settings = ExplorationSettings(confidence=self.confidence, return_home=return_home, **limits)
         xmin, ymin, xmax, ymax = world.bounds
         reach = RANGE * max(xmax - xmin, ymax - ymin) if self.sensor_range is None else self.sensor_range
         laser = self.sensor == "laser"

@@ -1,4 +1,4 @@
-"""``trailmark live``: a world in the browser, whose certified path follows what is dragged."""
+"""``trailmark live``: a world in the browser, whose certified path follows the dragged objects."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def live(
             loaded = options.load_world(world)
             body = options.robot_of(loaded, given)
             progress.stage("preparing (compiles on first use)")
-            # Loads what is compiled, and says what is wrong with the world before anybody is answered.
+            # Loads the kernels, and reports errors of the world before the first request.
             LandmarkPlanner(loaded, body, seed=number)
         address = f"http://{f'[{host}]' if ':' in host else host}:{listening.getsockname()[1]}/"
         if token is not None:

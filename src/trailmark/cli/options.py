@@ -29,7 +29,7 @@ def option(name: str, metavar: str, help: str, *aliases: str, default: bool = Fa
     return typer.Option(*aliases, name, metavar=metavar, help=help, show_default=default)
 
 
-# Numbers come as words and are read below, for typer's own messages do not say what was given.
+# Numbers come as words and are read below: typer's own messages do not quote them.
 WorldArgument = Annotated[
     str,
     typer.Argument(
@@ -79,7 +79,7 @@ StartOption = Annotated[
 
 
 class RobotOptions(NamedTuple):
-    """What ``--robot``, ``--turning-radius``, ``--forward-only`` and ``--drive`` give."""
+    """The options ``--robot``, ``--turning-radius``, ``--forward-only`` and ``--drive``."""
 
     robot: Robot | None
     files: tuple[Path, ...]
@@ -95,7 +95,7 @@ class RobotOptions(NamedTuple):
         forward_only: bool = False,
         drive: str | None = None,
     ) -> RobotOptions:
-        """Return what the options say, looked at before the world is read."""
+        """Return the options, read before the world is."""
         radius = None
         if turning_radius is not None:
             expected = f"a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
@@ -162,12 +162,12 @@ def read_number(
 
 
 def read_duration(text: str, option: str) -> float:
-    """Return the seconds that an option gives; :func:`read_number` says what it raises."""
+    """Return the seconds that an option gives."""
     return read_number(text, option, "a finite number of seconds above 0", above=0.0)
 
 
 def read_length(text: str, option: str) -> float:
-    """Return the metres that an option gives; :func:`read_number` says what it raises."""
+    """Return the metres that an option gives."""
     return read_number(text, option, "a finite number of metres above 0", above=0.0)
 
 
@@ -183,7 +183,7 @@ def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
 
 
 def read_probability(text: str, option: str) -> float:
-    """Return the probability, above 0 and below 1, that an option gives; :func:`read_number` says what it raises."""
+    """Return the probability, above 0 and below 1, that an option gives."""
     below = math.nextafter(1.0, 0.0)
     return read_number(text, option, "a probability above 0 and below 1", above=0.0, high=below)
 
@@ -212,7 +212,7 @@ def robot_file(text: str | None) -> tuple[Path, ...]:
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
     """Return the file to be written, once its suffix is known and it can be written; None for None.
 
-    Without suffixes, the function that writes the file checks what is there already.
+    Without suffixes, the function that writes the file checks an existing one.
     """
     if text is None:
         return None

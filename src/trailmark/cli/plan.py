@@ -268,7 +268,7 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
             *plan_options.objective_rows(record),
             *_curve_rows(result),
             *plan_options.trajectory_rows(record),
-            ("clearance", f"{record['min_clearance']:.4f} m at its least{_kept(result)}"),
+            ("clearance", f"minimum {record['min_clearance']:.4f} m{_kept(result)}"),
             ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
         ]
     if record.get("risk", {}).get("upper_bound") is not None:
@@ -289,10 +289,10 @@ def _numbers(values: tuple[float, ...]) -> str:
 
 
 def _kept(result: PlanResult) -> str:
-    """Return what clearance a path keeps for certain, and what none keeps, as far as it was asked for."""
+    """Return the certified clearance, and the bound on that of any path, if they were asked for."""
     if result.clearance_bound is not None:
-        return f"; keeps {result.clearance:.4f} m, and no path more than {result.clearance_bound:.4f} m"
-    return f"; keeps {result.clearance:g} m" if result.clearance > 0.0 else ""
+        return f"; certified {result.clearance:.4f} m, and no path keeps more than {result.clearance_bound:.4f} m"
+    return f"; certified {result.clearance:g} m" if result.clearance > 0.0 else ""
 
 
 def _curve_rows(result: PlanResult) -> list[tuple[str, str]]:

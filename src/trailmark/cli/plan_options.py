@@ -1,4 +1,4 @@
-"""Options of ``trailmark plan`` alone: ends, clearance, objective, and what is made of the path."""
+"""Options of ``trailmark plan`` alone: ends, clearance, objective, smoothing and timing of the path."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ MaxTurnAccelerationOption = Annotated[
 
 
 class EndOptions(NamedTuple):
-    """What ``--query``, ``--start``, ``--goal`` and ``--goal-tolerance`` say, looked at before the world is read."""
+    """The options ``--query``, ``--start``, ``--goal`` and ``--goal-tolerance``, read before the world is."""
 
     query: str | None
     start: Configuration | None
@@ -128,7 +128,7 @@ class EndOptions(NamedTuple):
 
     @classmethod
     def read(cls, query: str | None, start: str | None, goals: list[str] | None, tolerance: str | None) -> EndOptions:
-        """Return what the options say."""
+        """Return the options, checked."""
         within = None if tolerance is None else _read_tolerance(tolerance)
         if start is None and not goals:
             return cls(query, None, [], within)
@@ -202,7 +202,7 @@ def read_clearance(text: Text, relax: bool) -> float | None:
 
 
 def read_layers(text: Text, plot: Text) -> Layers:
-    """Return what a picture is to show."""
+    """Return the layers of the picture."""
     from trailmark.layers import ALL, Layers
 
     if text is not None and plot is None:
@@ -263,7 +263,7 @@ def objective_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
 
 @dataclass(frozen=True)
 class Timing:
-    """What the options on trajectories say.
+    """The options on trajectories.
 
     Attributes:
         limits: maximum speed, acceleration, turn rate and, if limited, turn acceleration.
@@ -276,7 +276,7 @@ class Timing:
     animation: Path | None
 
     def write(self, result: PlanResult, world: World, robot: Robot, frame: str) -> tuple[list[Path], dict[str, Any]]:
-        """Write what was asked for; return the files, and what the record says of the trajectory."""
+        """Write the requested files; return them, and the trajectory's part of the record."""
         asked = [file for file in (self.table, self.animation) if file is not None]
         if result.path is None:
             for file in asked:
@@ -313,7 +313,7 @@ def read_timing(
     *,
     needed: bool = False,
 ) -> Timing:
-    """Return what the options say; ``needed`` says whether limits are of use without a trajectory."""
+    """Return the options on trajectories; ``needed``: whether limits are of use without one."""
     given = (
         ("--max-speed", speed, DEFAULT_SPEED, "m/s"),
         ("--max-acceleration", acceleration, DEFAULT_ACCELERATION, "m/s²"),
@@ -344,7 +344,7 @@ def read_step(text: Text, output: Path | None) -> float | None:
 
 
 def smoothed(result: PlanResult, world: World, robot: Robot) -> tuple[PlanResult, dict[str, Any]]:
-    """Return a result with its path smoothed, and what the record says of that."""
+    """Return a result with its path smoothed, and the smooth path's part of the record."""
     if result.path is None:
         return result, {}
     from trailmark.collision import StateChecker
@@ -371,7 +371,7 @@ def smoothed(result: PlanResult, world: World, robot: Robot) -> tuple[PlanResult
 
 
 def trajectory_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return what the summary says of a smooth path and of a trajectory."""
+    """Return the summary's rows about a smooth path and a trajectory."""
     rows = []
     if "smooth" in record:
         stops, curvature = len(record["smooth"]["stops"]), record["smooth"]["max_curvature"]
@@ -384,8 +384,8 @@ def trajectory_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
 def with_step(path: TrailPath | None, step: float | None, world: World, robot: Robot) -> TrailPath | None:
     """Return a path with rows at most a step (metres) apart, for writing; straight lines between them are free too.
 
-    Where such a line would meet what the curve passes, rows are closer; motions from where the robot has to leave
-    something first stay as they are.
+    Where such a line would hit an obstacle that the curve passes, rows are closer; motions out of a
+    keep-out zone stay as they are.
     """
     if path is None or step is None:
         return path

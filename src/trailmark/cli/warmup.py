@@ -13,7 +13,7 @@ from trailmark.cli.options import JsonOption
 __all__ = ["warmup"]
 
 KINDS = {"straight": "any shape", "translation": "discs", "curve": "cars", "differential": "differential drives"}
-"""What the kinds of motion are called in the names of the stages."""
+"""Names of the kinds of motion in those of the stages."""
 
 
 def warmup(as_json: JsonOption = False) -> None:
@@ -59,7 +59,7 @@ def warmup(as_json: JsonOption = False) -> None:
 
 
 def _stages() -> dict[str, Callable[[], None]]:
-    """Return what is compiled, by name: each part for each kind of motion, and what asks for no kind."""
+    """Return the stages by name: each part for each kind of motion, and those of no kind."""
     from trailmark.exploration.warmup import warm_up_exploration
     from trailmark.planning.warmup import ROBOTS, warm_up
 
