@@ -131,62 +131,6 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
     ]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (["YARD", "-p", "PMR"], "planner: expected PRM, got 'PMR'"),
-        (["YARD"], "no planner given; expected landmark, "),
-        (["-p", "PRM"], "no world given; expected files, or bugtrap, "),
-        (["nowhere", "-p", "PRM"], "nowhere: no such file or shipped world"),
-        (
-            ["YARD", "-p", "PRM", "--query", "acros"],
-            "world 'yard': query: expected across, back, got 'acros' (did you mean 'across'?)",
-        ),
-        (["YARD", "-p", "PRM", "--runs", "0"], "expected an integer from 1 to 1000000, got --runs '0'"),
-        (
-            ["YARD", "-p", "PRM", "--time-limit", "-1"],
-            "expected a finite number of seconds above 0, got --time-limit '-1'",
-        ),
-        (
-            ["YARD", "-p", "PRM", "--memory-limit", "x"],
-            "expected an integer from 1 to 1073741824, got --memory-limit 'x'",
-        ),
-        (
-            ["YARD", "-p", "PRM", "--resolution", "0"],
-            "--resolution: expected metres above 0, or a share of the inscribed radius such as 10%, got '0'",
-        ),
-        (["YARD", "-p", "PRM", "--workers", "0"], "expected an integer from 1 to 1024, got --workers '0'"),
-        (
-            ["YARD", "-p", "PRM", "--workers", "2", "--scheduler", "a"],
-            "expected --workers or --scheduler, got both (--workers '2')",
-        ),
-        (
-            ["YARD", "-p", "PRM", "--robot", "ball"],
-            "expected disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or [[x, y], ...] (metres), got "
-            "robot 'ball'",
-        ),
-        (["YARD", "-p", "PRM", "--suite", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
-        (["YARD", "-p", "PRM", "--scheduler", "nowhere"], "scheduler 'nowhere' does not answer"),
-    ],
-)
-def test_bad_input_is_one_line_and_makes_no_file(
-    words: list[str], problem: str, shell: Shell, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWER_LIMIT", 0.2)
-    given = [str(yard) if word == "YARD" else word for word in words]
-    run = shell("benchmark", *given, "--output", tmp_path / "results.db")
-    assert run.status == 2
-    assert run.problem.startswith(problem)
-    assert not (tmp_path / "results.db").exists()
-
-
-def test_without_an_output(shell: Shell, yard: Path) -> None:
-    run = shell("benchmark", yard, "-p", "PRM")
-    assert run.status == 2
-    assert run.problem.startswith("--output is missing")
-
-
 def test_a_database_that_is_not_ours_or_in_use(shell: Shell, yard: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.db"
     with closing(sqlite3.connect(other)) as db:
@@ -261,7 +205,7 @@ def test_stopped_at_once_killed_and_continued_on_a_terminal(
     assert f"{runs - there} runs made" in run.out
     assert "starting workers" in run.err
     assert " left" in run.err
-    assert f"/{runs}" in run.err
+    assert f" of {runs} " in run.err
     assert sorted(rows(results, "SELECT seed FROM runs")) == [(seed,) for seed in range(runs)]
     assert rows(results, "PRAGMA integrity_check") == [("ok",)]
     assert sorted(file.name for file in tmp_path.iterdir()) == [results.name, yard.name]
@@ -273,3 +217,32 @@ def assert_nothing_is_left(mark: str) -> None:
     while left_behind(mark) and time.perf_counter() < deadline:
         time.sleep(0.05)
     assert left_behind(mark) == []
+
+
+def names(file: Path) -> list[str]:
+    with closing(sqlite3.connect(file)) as db:
+        return [row[0] for row in db.execute("SELECT name FROM experiments ORDER BY id")]
+
+
+def test_the_public_suites_are_listed_with_where_they_are_published(shell: Shell) -> None:
+    run = shell("benchmark", "--list-suites")
+    assert (run.status, run.err) == (0, "")
+    listed = [line for line in run.out.splitlines() if not line.startswith(" ")]
+    assert listed == [
+        *("movingai", "omplapp", "nav2", "barn", "bench-mr", "families", "explore-bench", "clutter", "passages")
+    ]
+    assert run.out.count("  published: ") == 7
+    assert "github.com/Daffan/the-barn-challenge" in run.out
+
+
+@pytest.mark.slow
+def test_a_part_of_a_public_suite_is_run(
+    shell: Shell, shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = Path(__file__).resolve().parents[2]
+    monkeypatch.setenv("PYTHONPATH", f"{root}:{root / 'src'}")
+    results = tmp_path / "results.db"
+    words = ["benchmark", "--suite", "barn", "--data", shared_data / "barn", "-p", HONEST, "--runs", 1]
+    run = shell(*words, "--problems", 2, "--time-limit", 0.1, "--output", results)
+    assert (run.status, run.err) == (0, "")
+    assert names(results) == ["barn-world_0-ahead", "barn-world_299-ahead"]

@@ -152,45 +152,6 @@ def test_headings_in_degrees_are_warned_of(shell: Shell, yard: Path, tmp_path: P
     assert run.err.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        ("", "expected one or more states, got an empty path"),
-        ("1 1 0\n1e20 1 0\n", "a.txt: path: expected x and y of at most 1e+07 m, got 1e+20"),
-        ("1 1 0\n2 1 nan\n", ":2: expected 3 columns"),
-        ("1 1\n2 1\n", ":1: expected 3 columns"),
-        (
-            '{"states": [[1, 1, 0], [2, 1, 0]], "curve": {"kind": "spline"}}',
-            "curve: kind: expected dubins or reeds-shepp",
-        ),
-    ],
-)
-def test_bad_paths_are_told_in_one_line(shell: Shell, yard: Path, tmp_path: Path, text: str, problem: str) -> None:
-    file = tmp_path / "a.txt"
-    file.write_text(text)
-    run = shell("check", yard, file)
-    assert run.status == 2
-    assert problem in run.problem
-
-
-def test_bad_words_are_told_in_one_line(shell: Shell, yard: Path, paths: Any, tmp_path: Path) -> None:
-    file = paths("a.csv", FREE)
-    for words in (
-        (yard, tmp_path / "none.csv"),
-        (tmp_path / "none.yaml", file),
-        (yard, file, "--repair", file),
-        (yard, file, "--repair", yard),
-        (yard, file, "--repair", tmp_path / "a.doc"),
-        (yard, file, "--plot", tmp_path / "a.gif"),
-        (yard, file, "--robot", "ball"),
-        (yard, file, "--time-limit", "soon"),
-    ):
-        run = shell("check", *words)
-        assert run.status == 2
-        assert run.problem
-    assert read_any_path(file).path.states.tolist() == FREE
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("reverse", [[], ["--forward-only"]])
 def test_a_car_s_plan_is_checked_by_its_curves(shell: Shell, yard: Path, tmp_path: Path, reverse: list[str]) -> None:

@@ -108,14 +108,3 @@ def test_too_little_time_is_status_3(shell: Shell, worlds: Path) -> None:
     assert run.status == 3
     record = json.loads(run.out)
     assert (record["status"], record["states"], record["cost"]) == ("timeout", [], None)
-
-
-@pytest.mark.parametrize(
-    ("start", "goal", "end"),
-    [("1,1,0", "100,1,0", "goal"), ("-0.1,1,0", "1,1,0", "start"), ("1,1,0", "0.05,0.05,0", "goal")],
-)
-def test_invalid_ends_are_one_line(shell: Shell, worlds: Path, tmp_path: Path, start: str, goal: str, end: str) -> None:
-    run = shell("plan", worlds / "office.yaml", "--start", start, "--goal", goal, "--plot", tmp_path / "none.png")
-    assert run.status == 2
-    assert end in run.problem
-    assert not list(tmp_path.iterdir())

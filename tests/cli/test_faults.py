@@ -146,24 +146,6 @@ def test_at_every_step_outputs_are_whole_or_absent(
     assert at == len(steps) + 1
 
 
-LIMITED = """
-import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-from trailmark.cli import main
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-@pytest.mark.slow
-def test_files_that_may_not_get_large_enough(tmp_path: Path, worlds: Path) -> None:
-    out = tmp_path / "office.yaml"
-    words = ["worlds", "convert", str(worlds / "office.yaml"), str(out)]
-    done = subprocess.run([sys.executable, "-c", LIMITED, *words], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 2
-    assert done.stderr == f"trailmark: error: {out}: cannot be written: File too large\n"
-    assert list(tmp_path.iterdir()) == []
-
-
 WRITER = """
 import sys
 from pathlib import Path

@@ -54,19 +54,6 @@ def test_a_speed_mask_gives_shares_of_the_max_speed(shell: Shell, yard: Path, ma
     assert costs == pytest.approx([1.0 + 1.0 / 0.6, 2.0 + 2.0 / 0.6])
 
 
-@pytest.mark.parametrize("command", [["plan"], ["worlds", "show"], ["roadmap"], ["check"]])
-@pytest.mark.parametrize("option", ["--keepout", "--speed-mask"])
-def test_a_mask_that_is_none_is_refused(
-    shell: Shell, yard: Path, tmp_path: Path, command: list[str], option: str
-) -> None:
-    extras: dict[str, list[Any]] = {"roadmap": ["--output", tmp_path / "r.npz"], "check": [tmp_path / "path.csv"]}
-    (tmp_path / "path.csv").write_text("x,y,theta\n1,1,0\n1,2,0\n")
-    run = shell(*command, yard, *extras.get(command[0], []), option, yard)
-    assert (run.status, run.out) == (2, "")
-    assert run.err.count("\n") == 1
-    assert "no mask: expected nav2 map YAML" in run.err
-
-
 def test_a_keep_out_mask_beside_the_map_is_warned_of(shell: Shell, yard: Path, mask: Path) -> None:
     assert shell("worlds", "show", yard, "--keepout", mask).err == ""
     for before, after in (("origin: [0, 0, 0]", "origin: [50, 0, 0]"), ("occupied_thresh: 1.0", "negate: 1")):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import re
+import math
 import signal
 from collections.abc import Callable
 from math import pi
@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark.errors import TrailmarkError
+from trailmark.curves import CurvePath, Steering
+from trailmark.formats.any_path import read_any_path
 from trailmark.goals import Goal
 from trailmark.planning import PlannerSettings
 from trailmark.world import Robot
@@ -122,11 +123,6 @@ def test_json_is_one_object_and_nothing_else(
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_given_ends_have_no_query_name(shell: Shell, yard: Path, planner: Any) -> None:
-    run = shell("plan", yard, "--json", "--start", "1,1,0", "--goal", "2,2,0")
-    assert json.loads(run.out)["query"] is None
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".path", ".txt"])
 def test_paths_are_written_as_rows(shell: Shell, yard: Path, planner: Any, tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"path{suffix}"
@@ -145,41 +141,13 @@ def test_without_a_path_there_are_no_rows_to_write(
     assert run.status == 3
     assert "written" not in run.out
     assert list(tmp_path.iterdir()) == [yard]
-    assert run.err.splitlines() == [f"trailmark: {tmp_path / f'path{suffix}'}: not written, for there is no path"]
+    assert run.err.splitlines() == [f"trailmark: {tmp_path / f'path{suffix}'}: not written: there is no path"]
     planner.status = "solved"
     assert shell("plan", yard, "--output", tmp_path / f"path{suffix}").status == 0
     planner.status = "timeout"
     run = shell("plan", yard, "--output", tmp_path / f"path{suffix}")
     assert (run.status, len(run.err.splitlines())) == (3, 1)
-    assert "what it holds is older, and left as it is" in run.err
-
-
-@pytest.mark.slow
-def test_summary_says_what_was_found_and_written(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
-    run = shell("plan", yard, "--output", tmp_path / "p.csv", "--plot", tmp_path / "p.svg", "--seed", 5)
-    facts = {line.split()[0]: line for line in run.out.splitlines()}
-    assert run.out.splitlines()[0] == "yard · across: path found"
-    cost = 4.0 + np.hypot(4, 4) + 0.5 * 1.5
-    assert f"{cost:.4f} (at most {100 * (cost / 8 - 1):.1f} % above the optimum: lower bound 8.0000)" in facts["cost"]
-    assert f"{4 + np.hypot(4, 4):.4f} m" in facts["length"]
-    assert "1.5000 rad (86°)" in facts["rotation"]
-    assert "0.2500 m" in facts["clearance"]
-    assert "3 landmarks, 2 edges" in facts["roadmap"]
-    assert facts["seed"].endswith("5")
-    assert str(tmp_path / "p.csv") in run.out
-    assert str(tmp_path / "p.svg") in run.out
-    assert run.err == ""
-
-
-@pytest.mark.parametrize(
-    ("status", "verdict"), [("timeout", "no path found"), ("infeasible", "infeasible: no path exists")]
-)
-def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: str, verdict: str) -> None:
-    planner.status = status
-    run = shell("plan", yard, "--time-limit", "0.5")
-    assert run.out.startswith(f"yard · across: {verdict}: shut in at the start\n")
-    assert "cost" not in run.out
-    assert "3 landmarks" in run.out
+    assert "the older file is kept" in run.err
 
 
 @pytest.mark.slow
@@ -189,111 +157,6 @@ def test_the_picture_shows_the_layers_that_are_named(shell: Shell, yard: Path, p
     drawn = {name: (tmp_path / f"{name}.svg").read_text(encoding="utf-8") for name in ("all", "few")}
     assert {name: "hatch" in text or "url(#h" in text for name, text in drawn.items()} == {"all": True, "few": False}
     assert len(drawn["few"]) < len(drawn["all"])
-
-
-@pytest.mark.parametrize(
-    ("words", "named", "allowed"),
-    [
-        (["--time-limit", "0"], "--time-limit '0'", "above 0"),
-        (["--time-limit", "soon"], "--time-limit 'soon'", "finite"),
-        (["--seed", "1.5"], "--seed '1.5'", "integer from 0 to 4294967295"),
-        (["--landmarks", "0"], "--landmarks '0'", "from 1"),
-        (["--landmarks", "200001"], "--landmarks '200001'", "to 200000"),
-        (["--start", "1,2"], "--start '1,2'", "both or neither"),
-        (["--goal", "1,2,3"], "--goal '1,2,3'", "both or neither"),
-        (["--start", "1,2", "--goal", "1,2,3"], "--start '1,2'", "X,Y,T"),
-        (["--start", "1,2,3", "--goal", "1,2,nan"], "--goal '1,2,nan'", "finite"),
-        (["--start", "1,2,3", "--goal", "a,b,c"], "--goal 'a,b,c'", "X,Y,T"),
-        (
-            ["--start", "1,2,3", "--goal", "1,2,3", "--query", "back"],
-            "--query 'back'",
-            "expected --query or --start and --goal,",
-        ),
-        (["--start", "1,2,3", "--goal", "1"], "--goal '1'", "X,Y,T"),
-        (["--start", "1,2,3", "--goal", "1,inf"], "--goal 'inf'", "finite"),
-        (["--start", "1,2,3", "--goal", "1,2,3", "--goal", "1,2,x"], "--goal '1,2,x'", "X,Y,T"),
-        (["--start", "1,1,0", "--goal", "2,2", "--goal-tolerance", "0.1,0.2"], "'0.1,0.2'", "X,Y,T, got --goal '2,2'"),
-        (["--goal-tolerance", "-0.1"], "--goal-tolerance '-0.1'", "0 or more"),
-        (["--goal-tolerance", "0.1,x"], "--goal-tolerance '0.1,x'", "M,RAD"),
-        (["--goal-tolerance", "0.1,-1"], "--goal-tolerance '0.1,-1'", "M,RAD"),
-        (["--goal-tolerance", "near"], "--goal-tolerance 'near'", "M,RAD"),
-        (["--goal-tolerance", "nan,0"], "--goal-tolerance", "0 or more"),
-        (["--query", "bakc"], "'bakc'", "back"),
-        (["--robot", "square:1"], "'square:1'", "disc:RADIUS"),
-        (["--robot", "disc:-1"], "-1", "above 0"),
-        (["--output", "path.xml"], "path.xml", ".json"),
-        (["--plot", "path.bmp"], "path.bmp", ".png"),
-        (["--output", "nowhere/path.json"], "nowhere", ""),
-        (["--plot", "nowhere/path.png"], "nowhere", ""),
-        (["--start", "-3,1,0", "--goal", "1,1,0"], "start", "out of bounds by 3 m"),
-        (["--clearance", "-0.1"], "--clearance '-0.1'", "from 0"),
-        (["--clearance", "wide"], "--clearance 'wide'", "metres"),
-        (["--drive", "tracks"], "'tracks'", "differential"),
-        (["--drive", "car"], "'car'", "turning radius"),
-        (["--drive", "differential", "--turning-radius", "2"], "turning_radius 2.0", "turning radius"),
-        (["--relax"], "--relax", "--clearance"),
-        (["--layers", "path,walls"], "'walls'", "obstacles, outside, path"),
-        (["--layers", ""], "''", "obstacles, outside, path"),
-        (["--layers", "path", "--output", "path.csv"], "--layers 'path'", "--plot"),
-        (["--frobnicate"], "--frobnicate", "--help"),
-        (["--seed"], "--seed", "--help"),
-        (["more"], "more", "--help"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(
-    shell: Shell,
-    yard: Path,
-    planner: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    named: str,
-    allowed: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    outputs = [] if {"--output", "--plot"} & set(words) else ["--output", "out.json", "--plot", "out.png"]
-    run = shell("plan", yard, *outputs, "--json", *words)
-    assert run.status == 2
-    assert named in run.problem
-    assert allowed in run.problem
-    assert list(tmp_path.iterdir()) == [yard]
-
-
-@pytest.mark.parametrize(
-    "content",
-    ["", "[1, 2]", "trailmark: 1\nbounds: [0, 0, 1, .nan]\n", "a: [", "\x00\x01", "trailmark: 1\nboundz: 3\n"],
-)
-def test_bad_worlds_are_named(shell: Shell, tmp_path: Path, planner: Any, content: str) -> None:
-    file = tmp_path / "bad.yaml"
-    file.write_text(content)
-    run = shell("plan", file)
-    assert run.status == 2
-    assert str(file) in run.problem
-    assert planner.calls == []
-
-
-def test_a_world_that_is_not_there(shell: Shell, tmp_path: Path) -> None:
-    run = shell("plan", tmp_path / "none.yaml")
-    assert run.status == 2
-    assert "none.yaml" in run.problem
-
-
-def test_a_world_without_a_robot_asks_for_one(shell: Shell, yard: Path, planner: Any) -> None:
-    yard.write_text(re.sub("robot:.*\n", "", yard.read_text()))
-    run = shell("plan", yard)
-    assert run.status == 2
-    assert "--robot" in run.problem
-    assert shell("plan", yard, "--robot", "disc:0.3").status == 0
-
-
-def test_a_shipped_world_is_found_by_its_name(shell: Shell, planner: Any) -> None:
-    assert shell("plan", "office").status == 0
-    assert planner.calls[0]["world"].name == "office"
-
-
-def test_outputs_are_checked_before_the_world_is_read(shell: Shell, tmp_path: Path, planner: Any) -> None:
-    run = shell("plan", tmp_path / "none.yaml", "--output", tmp_path / "none" / "path.json")
-    assert "path.json" in run.problem
 
 
 def test_an_interrupt_is_one_line_and_leaves_the_old_file(
@@ -338,24 +201,134 @@ def test_programming_errors_keep_their_traceback(shell: Shell, yard: Path, plann
         shell("plan", yard)
 
 
-def test_messages_of_several_lines_become_one(shell: Shell, yard: Path, planner: Any) -> None:
-    def fail() -> None:
-        raise TrailmarkError("first\nsecond \x1b[31mred")
-
-    planner.action = staticmethod(fail)
-    assert shell("plan", yard).problem == r"first second \x1b[31mred"
-
-
-@pytest.mark.parametrize(("ends", "words"), [("[9, 5, 90]", []), ("[9, 5, 1.5]", ["--goal-tolerance", "0.1,10"])])
-def test_angles_in_degrees_are_warned_of_in_one_line(
-    shell: Shell, yard: Path, planner: Any, ends: str, words: list[str]
-) -> None:
-    yard.write_text(re.sub(r"goal: \[.*?\]", f"goal: {ends}", yard.read_text(), count=1))
-    run = shell("plan", yard, *words)
-    assert (run.status, run.err.count("\n")) == (0, 1)
-    assert "is taken as radians; are they degrees" in run.err
-
-
 def test_an_option_in_degrees_is_warned_of_once(shell: Shell, yard: Path, planner: Any) -> None:
     run = shell("plan", yard, "--start", "1,1,0", "--goal", "9,5,90", "--goal-tolerance", "0.1")
     assert run.err.count("\n") == run.err.count("taken as radians") == 1
+
+
+STATES = [[1.0, 1.0, 0.0], [5.0, 1.0, 0.5], [9.0, 5.0, 1.5]]
+PARAMETERS = "global_costmap:\n  global_costmap:\n    ros__parameters: {robot_radius: 0.22}\n"
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".yml", ".nav2.json", ".geojson"])
+def test_a_path_for_others_comes_back(shell: Shell, yard: Path, tmp_path: Path, planner: Any, suffix: str) -> None:
+    file = tmp_path / f"path{suffix}"
+    for frame in ("map", "odom"):  # the second one replaces the first
+        assert shell("plan", yard, "--output", file, "--frame-id", frame).status == 0
+        assert f'"{frame}"' in file.read_text()
+        np.testing.assert_allclose(read_any_path(file).path.states, STATES, atol=1e-15)
+    planner.status = "timeout"
+    before = file.read_text()
+    assert shell("plan", yard, "--output", file).status == 3
+    assert file.read_text() == before, "what is no path replaces none"
+
+
+@pytest.mark.parametrize(
+    ("text", "robot"),
+    [
+        ("[[0.3, 0.2], [0.3, -0.2], [-0.3, 0]]", Robot.polygon([[0.3, 0.2], [0.3, -0.2], [-0.3, 0.0]])),
+        ("robot_radius:0.22", Robot.disc(0.22)),
+        ("PARAMETERS", Robot.disc(0.22)),
+    ],
+)
+def test_robots_as_nav2_has_them(
+    shell: Shell, yard: Path, tmp_path: Path, planner: Any, text: str, robot: Robot
+) -> None:
+    (tmp_path / "nav2_params.yaml").write_text(PARAMETERS)
+    given = str(tmp_path / "nav2_params.yaml") if text == "PARAMETERS" else text
+    assert shell("plan", yard, "--robot", given).status == 0
+    assert planner.calls[0]["robot"] == robot
+
+
+def test_headings_in_degrees(shell: Shell, yard: Path, planner: Any) -> None:
+    run = shell("plan", yard, "--start", "1,1,-90deg", "--goal", "9,5,450 deg", "--json")
+    assert (run.status, run.err) == (0, "")
+    assert planner.calls[0]["start"] == (1.0, 1.0, -math.pi / 2)
+    assert json.loads(run.out)["states"][0][2] == -math.pi / 2
+
+
+@pytest.mark.slow
+def test_an_objective_is_planned_for_and_told(shell: Shell, yard: Path) -> None:
+    words = ("plan", yard, "--objective", "clearance", "--gap", "0.5", "--time-limit", "20")
+    run = shell(*words, "--json")
+    assert run.status == 0
+    record = json.loads(run.out)
+    assert record["objective"]["clearance"] == 5.0
+    assert record["lower_bound"] <= record["cost"]
+    assert record["cost"] > record["length"]
+    assert "clearance 5" in shell(*words).out
+
+
+@pytest.fixture
+def cars(yard: Path) -> Path:
+    text = yard.read_text()
+    yard.write_text(text.replace("width: 0.4}", "width: 0.4, turning_radius: 0.9}"))
+    return yard
+
+
+def test_options_make_the_robot_a_car(shell: Shell, yard: Path, planner: Any) -> None:
+    box = Robot.rectangle(0.8, 0.4)
+    for words, robot in (
+        ([], box),
+        (["--turning-radius", "1.5"], box.steered(1.5)),
+        (["--turning-radius", "1.5", "--forward-only"], box.steered(1.5, reverse=False)),
+        (["--robot", "disc:0.2", "--turning-radius", "2"], Robot.disc(0.2).steered(2.0)),
+    ):
+        assert shell("plan", yard, *words).status == 0
+        assert planner.calls[-1]["robot"] == robot
+
+
+def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) -> None:
+    box = Robot.rectangle(0.8, 0.4)
+    for words, robot in (
+        ([], box.steered(0.9)),
+        (["--forward-only"], box.steered(0.9, reverse=False)),
+        (["--turning-radius", "1.5"], box.steered(1.5)),
+        # Another robot is another robot.
+        (["--robot", "disc:0.2"], Robot.disc(0.2)),
+    ):
+        assert shell("plan", cars, *words).status == 0
+        assert planner.calls[-1]["robot"] == robot
+
+
+def test_a_differential_drive_reverses_as_its_file_and_the_options_say(shell: Shell, yard: Path, planner: Any) -> None:
+    text = yard.read_text()
+    yard.write_text(text.replace("width: 0.4}", "width: 0.4, drive: differential, reverse: true}"))
+    box = Robot.rectangle(0.8, 0.4)
+    for words, reverse in (
+        ([], True),
+        (["--drive", "differential"], True),
+        (["--forward-only"], False),
+        (["--drive", "differential", "--forward-only"], False),
+    ):
+        assert shell("plan", yard, *words).status == 0
+        assert planner.calls[-1]["robot"] == box.differential(reverse)
+
+
+@pytest.mark.slow
+def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
+    files, picture = [tmp_path / f"path{suffix}" for suffix in (".json", ".csv", ".path")], tmp_path / "plan.svg"
+    for file, drawn in zip(files, [("--plot", picture), (), ()], strict=True):
+        run = shell("plan", cars, "--json", "--output", file, *drawn, "--time-limit", "20", "--max-iterations", "1")
+        assert run.status == 0
+        record = json.loads(run.out)
+        curve = record["curve"]
+        path = CurvePath(np.array(curve["knots"]), Steering(curve["turning_radius"], curve["kind"] == "reeds-shepp"))
+        assert curve["turning_radius"] == 0.9
+        assert record["cost"] == record["length"] == path.length
+        assert record["lower_bound"] <= record["cost"] + 1e-9
+        assert np.array_equal(read_any_path(file).path.states, path.states)
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_costs_of_maneuvers(shell: Shell, worlds: Path) -> None:
+    given = ("plan", worlds / "parking.yaml", "--query", "bay", "--turning-radius", "4.5", "--max-iterations", "1")
+    run = shell(*given, "--direction-change-cost", "2", "--reverse-cost", "1.2", "--json")
+    assert run.status == 0
+    record = json.loads(run.out)
+    assert record["objective"]["direction_change"] == 2.0
+    maneuvers = 2.0 * record["direction_changes"] + 0.2 * record["reverse_length"]
+    assert record["cost"] == pytest.approx(record["length"] + maneuvers)
+    assert "objective" not in json.loads(shell(*given, "--objective", "length", "--json").out)
+    assert "a change of direction 3 m" in shell(*given).out

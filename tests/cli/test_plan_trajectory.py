@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from trailmark import se2
-from trailmark.cli.plan_trajectory import with_step
+from trailmark.cli.plan_options import with_step
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.shapes import Disc
@@ -105,35 +105,3 @@ def test_without_a_path_nothing_is_written(shell: Shell, yard: Path, planner: An
     run = shell("plan", yard, "--smooth", "--trajectory", file, "--animate", picture)
     assert run.status == 3
     assert list(tmp_path.glob("drive.*")) == []
-
-
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (["--max-speed", "1"], "--max-speed '1' given without a trajectory; expected --trajectory or --animate too"),
-        (["--trajectory", "a.csv", "--max-speed", "0"], "from 1e-06 to 1e+06 (m/s), got --max-speed '0'"),
-        (["--trajectory", "a.csv", "--max-acceleration", "x"], "1e+06 (m/s²), got --max-acceleration 'x'"),
-        (["--trajectory", "a.csv", "--max-turn-rate", "nan"], "1e+06 (rad/s), got --max-turn-rate 'nan'"),
-        (["--trajectory", "a.csv", "--max-turn-acceleration", "inf"], "1e+06 (rad/s²), got --max-turn-acc"),
-        (["--trajectory", "a.png"], "suffix"),
-        (["--animate", "a.mp4"], "suffix"),
-        (["--step", "0.1"], "--step '0.1' given without a path to write; expected --output too"),
-        (["--output", "a.csv", "--step", "0"], "expected a finite number of metres above 0, got --step '0'"),
-        (["--output", "a.csv", "--step", "1e-12"], "(1,000,000 states at most), got 1e-12"),
-        (["--trajectory", "a.csv", "--output", "a.csv"], "two outputs name the file 'a.csv'"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(
-    shell: Shell,
-    yard: Path,
-    planner: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    problem: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    run = shell("plan", yard, *words)
-    assert run.status == 2
-    assert problem in run.problem
-    assert not list(tmp_path.glob("a.*"))

@@ -58,28 +58,3 @@ def test_a_car_s_roadmap(shell: Shell, yard: Path, tmp_path: Path) -> None:
 def test_the_frame_is_named(shell: Shell, yard: Path, tmp_path: Path) -> None:
     assert shell("roadmap", yard, "-k", 10, "--frame-id", "odom", "--output", tmp_path / "a.geojson").status == 0
     assert '"frame": "odom"' in (tmp_path / "a.geojson").read_text()
-
-
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        ([], "Missing option '--output'"),
-        (["--output", "a.json"], "a.json: suffix: expected .geojson, .graphml, .npz, got '.json'"),
-        (["--output", "a"], "a: suffix: expected"),
-        (["--output", "none/a.npz"], "the directory 'none' does not exist"),
-        (["--output", "a.npz", "-k", "0"], "expected an integer from 1 to 200000, got -k '0'"),
-        (["--output", "a.npz", "-k", "ten"], "expected an integer from 1 to 200000, got -k 'ten'"),
-        (["--output", "a.npz", "--seed", "-1"], "got --seed '-1'"),
-        (["--output", "a.npz", "--frame-id", ""], "expected a name without blanks, such as map, got --frame-id ''"),
-        (["--output", "a.npz", "--robot", "disc"], "expected disc:RADIUS"),
-        (["--output", "a.npz", "--robot", "disc:9"], "no free place for the robot was found"),
-    ],
-)
-def test_bad_input_is_told_in_one_line(
-    shell: Shell, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], problem: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    run = shell("roadmap", yard, *words)
-    assert run.status == 2
-    assert problem in run.problem
-    assert sorted(file.name for file in tmp_path.iterdir() if file.name.startswith("a")) == []

@@ -35,19 +35,6 @@ def test_list_as_json(shell: Shell) -> None:
     assert [query["name"] for query in facts["queries"]] == [query.name for query in office.queries]
 
 
-def test_show_says_what_a_world_holds(shell: Shell, yard: Path) -> None:
-    run = shell("worlds", "show", yard)
-    assert (run.status, run.err) == (0, "")
-    assert run.out.splitlines() == [
-        "yard",
-        "  bounds     x 0 to 10, y 0 to 6 (10 x 6 m)",
-        "  boundary   none",
-        "  obstacles  2 (1 disc, 1 rectangle)",
-        "  robot      rectangle 0.8 x 0.4 m",
-        "  queries    2 (across, back)",
-    ]
-
-
 def test_show_as_json(shell: Shell, yard: Path) -> None:
     facts = json.loads(shell("worlds", "show", yard, "--json", "--robot", "disc:0.25").out)
     assert facts["robot"] == "disc 0.25 m"
@@ -81,39 +68,7 @@ def test_convert_reads_other_formats(shell: Shell, tmp_path: Path, shared_data: 
     assert World.load(tmp_path / "map.yaml").obstacles == World.load(source).obstacles
 
 
-def test_convert_refuses_to_overwrite_its_input(shell: Shell, yard: Path) -> None:
-    World.load(yard).save(yard)
-    before = yard.read_bytes()
-    assert "same file" in shell("worlds", "convert", yard, yard.parent / "." / "yard.yaml").problem
-    assert yard.read_bytes() == before
-
-
 def test_schema_is_a_json_schema_of_worlds(shell: Shell) -> None:
     schema = json.loads(shell("worlds", "schema").out)
     assert "json-schema.org" in schema["$schema"]
     assert {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"} <= set(schema["properties"])
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["shw"], "show"),
-        (["show"], "WORLD"),
-        (["show", "ofice"], "office"),
-        (["show", "office", "--plot", "office.bmp"], ".png"),
-        (["show", "office", "--robot", "disc"], "disc:RADIUS"),
-        (["convert", "office"], "OUT"),
-        (["convert", "office", "office.json"], ".yaml"),
-        (["convert", "office", "nowhere/office.yaml"], "nowhere"),
-        (["convert", "missing.map", "office.yaml"], "missing.map"),
-        (["--plot", "x.png"], "--plot"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], named: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    run = shell("worlds", *words)
-    assert run.status == 2
-    assert named in run.problem
-    assert not list(tmp_path.iterdir())

@@ -9,16 +9,23 @@ import pytest
 WRONG = """
 import numpy as np
 from trailmark import Disc, Query, Robot, StateChecker, TrailmarkError, World
-from trailmark.ompl_bridge import (
-    LandmarkPlanner, LandmarkSource, MotionValidator, SE2Problem, StateValidityChecker, plug_landmark_sampler,
-    simple_setup, solve,
-)
 query = Query("a", (1, 1, 0), (5, 1, 0))
 world = World("room", (0, 0, 6, 4), (Disc((3, 2), 0.5),), Robot.rectangle(0.6, 0.4), queries=(query,))
 other = StateChecker(world, Robot.disc(0.1))
 problem = SE2Problem(world)
 information, checker = problem.information, problem.checker
 ends = ((1, 1, 0), (5, 1, 0))
+line, unbound, wide, bounds = ob.RealVectorStateSpace(2), ob.SE2StateSpace(), ob.SE2StateSpace(), ob.RealVectorBounds(2)
+bounds.setLow(-1.0); bounds.setHigh(50.0)
+line.setBounds(bounds); wide.setBounds(bounds)
+class Odd(ob.OptimizationObjective):
+    def stateCost(self, s): return ob.Cost(1.0)
+    def motionCost(self, a, b): return ob.Cost(1.0)
+def with_odd_objective():
+    posed = SE2Problem(world)
+    posed.set_planner(LandmarkPlanner(posed.information))
+    posed.setup.setOptimizationObjective(Odd(posed.information))
+    posed.solve(1.0)
 calls = {
     "world": lambda: SE2Problem("office"),
     "robot": lambda: SE2Problem(world, "disc:1"),
@@ -44,6 +51,25 @@ calls = {
     "source's checker": lambda: LandmarkSource(world),
     "plug's seed": lambda: plug_landmark_sampler(problem.setup, seed=float("nan")),
     "plug's checker": lambda: plug_landmark_sampler(problem.setup, checker=3),
+    "no checker": lambda: plug_landmark_sampler(og.SimpleSetup(problem.space)),
+    "planner without checker": lambda: LandmarkPlanner(ob.SpaceInformation(problem.space)),
+    "line": lambda: MotionValidator(ob.SpaceInformation(line), checker),
+    "SE3": lambda: StateValidityChecker(ob.SpaceInformation(ob.SE3StateSpace()), checker),
+    "no bounds": lambda: MotionValidator(ob.SpaceInformation(unbound), checker),
+    "wide": lambda: StateValidityChecker(ob.SpaceInformation(wide), checker),
+    "wide plug": lambda: plug_landmark_sampler(og.SimpleSetup(wide), checker=checker),
+    "shares": lambda: plug_landmark_sampler(problem.setup, mixture=Mixture(1.0, 1.0, 0.0)),
+    "one landmark": lambda: LandmarkSource(checker, [1.0, 2.0, 0.0]),
+    "columns": lambda: plug_landmark_sampler(problem.setup, [[1.0, 2.0]]),
+    "nan landmark": lambda: LandmarkSource(checker, [[1.0, 2.0, float("nan")]]),
+    "text landmark": lambda: LandmarkSource(checker, "here"),
+    "invalid landmark": lambda: plug_landmark_sampler(problem.setup, [[1.0, 1.0, 0.0], [3.0, 2.0, 0.0]]),
+    "outside": lambda: LandmarkSource(checker, [[1.0, 1.0, 0.0]], bounds=(2.0, 0.0, 6.0, 4.0)),
+    "objective": with_odd_objective,
+    "planner's name": lambda: problem.set_planner("RTTConnect"),
+    "query's name": lambda: SE2Problem(world, query="b"),
+    "start": lambda: SE2Problem(world, query=((-5, 0, 0), (1, 1, 0))),
+    "no robot": lambda: SE2Problem(World("bare", world.bounds), query=ends),
 }
 said = {}
 for name, call in calls.items():
@@ -66,4 +92,7 @@ def test_wrong_arguments_are_errors_of_our_own(run_ompl: Any) -> None:
     assert [text for text in found["said"].values() if "\n" in text] == []
     assert "expected one for robot" in found["said"]["other checker"]
     assert found["said"]["limit"] == "limit: expected a finite number of 0 or more, got '1' s"
+    assert "landmark 1 (3, 2, 0) is not valid" in found["said"]["invalid landmark"]
+    assert "did you mean 'RRTConnect'?" in found["said"]["planner's name"]
+    assert "within world 'room'" in found["said"]["wide"]
     assert "solution" in found["solved"].lower()

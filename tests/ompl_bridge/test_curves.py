@@ -17,44 +17,6 @@ car = world.robot.steered(0.7, REVERSE)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
-def test_answers_through_ompl_are_those_given_directly(run_ompl: Any, reverse: bool) -> None:
-    found = run_ompl(
-        SET_UP.replace("REVERSE", str(reverse))
-        + """
-problem = SE2Problem(world, car)
-si, checker = problem.information, problem.checker
-motions = CurveMotion(checker)
-rng = np.random.default_rng(1)
-xmin, ymin, xmax, ymax = world.bounds
-q = rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi), (2000, 3))
-q = q[checker.valid(q)]
-a = q[rng.integers(0, len(q), 1000)]
-b = a + rng.uniform(-1.0, 1.0, (1000, 3))
-b[:, 2] = np.arctan2(np.sin(b[:, 2]), np.cos(b[:, 2]))
-made = [(state(si, p), state(si, r)) for p, r in zip(a, b)]
-direct = motions.motions_valid(a, b)
-through = [si.checkMotion(p, r) for p, r in made]
-lengths = [problem.space.distance(p, r) for p, r in made]
-steering = problem.motions.steering
-through = np.array(through)
-tell(more=int(np.sum(through & ~direct)), fewer=float(np.mean(~through & direct)),
-     share=float(direct.mean()), kind=type(problem.space).__name__,
-     radius=steering.radius, reverse=steering.reverse,
-     lengths=float(np.abs(lengths - motions.steering.lengths(a, b)).max()))
-"""
-    )
-    assert found["more"] == 0
-    # Where several curves are as short, OMPL may take another than trailmark: all must be free.
-    assert found["fewer"] < (0.02 if reverse else 1e-9)
-    assert 0.03 < found["share"] < 0.9
-    assert found["kind"] == ("ReedsSheppStateSpace" if reverse else "DubinsStateSpace")
-    assert found["radius"] == pytest.approx(0.7, abs=1e-12)
-    assert found["reverse"] is reverse
-    assert found["lengths"] < 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_ompls_planners_find_certified_paths_of_curves(run_ompl: Any, reverse: bool) -> None:
     found = run_ompl(
         SET_UP.replace("REVERSE", str(reverse))
@@ -125,32 +87,3 @@ tell(free=free, ways=ways)
     assert not any(wrong for _, _, wrong in found["free"][1])
     assert [given for given, _ in found["ways"]] == [free for _, free in found["ways"]]
     assert found["ways"][1] == [False, False]
-
-
-@pytest.mark.slow
-def test_a_space_of_the_users_own(run_ompl: Any) -> None:
-    found = run_ompl(
-        """
-from trailmark import StateChecker
-from trailmark.ompl_bridge.spaces import set_bounds, steering_of
-world = shipped("office")
-checker = StateChecker(world)
-spaces = {"dubins": ob.DubinsStateSpace(1.3), "reeds-shepp": ob.ReedsSheppStateSpace(0.25), "se2": ob.SE2StateSpace()}
-for name, space in spaces.items():
-    set_bounds(space, world)
-    motions = MotionValidator(ob.SpaceInformation(space), checker)
-    tell(**{name: None if motions.steering is None else [motions.steering.radius, motions.steering.reverse]})
-space = ob.DubinsStateSpace(1.3, True)
-set_bounds(space, world)
-try:
-    MotionValidator(ob.SpaceInformation(space), checker)
-except SpaceError as error:
-    tell(symmetric=str(error))
-""",
-        whole=True,
-    )
-    assert found["dubins"] == [pytest.approx(1.3), False]
-    assert found["reeds-shepp"] == [pytest.approx(0.25), True]
-    assert found["se2"] is None
-    assert "symmetric" in found["symmetric"]
-    assert "\n" not in found["symmetric"]

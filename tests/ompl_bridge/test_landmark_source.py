@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from tests.helpers.oracle import Oracle
 
 from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError
 from trailmark.library import find_world
-from trailmark.ompl_bridge.errors import BridgeError, LandmarkError
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Query, Robot, World
@@ -44,36 +41,6 @@ def test_given_landmarks_are_the_only_round(narrow: StateChecker) -> None:
     assert np.array_equal(source.landmarks, q)
 
 
-def test_no_landmarks_may_be_given(narrow: StateChecker) -> None:
-    source = LandmarkSource(narrow, np.empty((0, 3)))
-    assert rounds(source, 1)[0].shape == (0, 3)
-    assert source.round(1) is None
-
-
-@pytest.mark.parametrize(
-    ("landmarks", "message"),
-    [
-        ([1.0, 2.0, 0.0], r"expected shape \(k, 3\) for x, y, theta, got \(3,\)"),
-        ([[1.0, 2.0]], r"shape \(3,\) or \(n, 3\) for x, y, theta, got \(1, 2\)"),
-        ([[1.6, 2.0, math.nan]], "not a finite number"),
-        ("here", "not an array of numbers"),
-        ([[1.6, 2.0, 0.0], [5.5, 4.0, 0.0]], r"landmark 1 \(5.5, 4, 0\) is not valid"),
-        ([[1.6, 2.0, 0.0], [99.0, 2.0, 0.0]], r"landmark 1: expected a place within .* got \[99.0, 2.0, 0.0\]"),
-    ],
-)
-def test_landmarks_that_are_refused(narrow: StateChecker, landmarks: Any, message: str) -> None:
-    with pytest.raises(LandmarkError, match=message) as caught:
-        LandmarkSource(narrow, landmarks)
-    assert isinstance(caught.value, BridgeError)
-    assert isinstance(caught.value, ConfigurationError)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_negative_seed_is_refused(narrow: StateChecker) -> None:
-    with pytest.raises(ConfigurationError, match="seed: expected a whole number, 0 or more, got -1"):
-        LandmarkSource(narrow, seed=-1)
-
-
 @pytest.mark.parametrize("name", ["narrow", "lshape", "discs"])
 def test_landmarks_made_for_a_query_are_valid_and_ever_more(name: str) -> None:
     world = World.load(find_world(name))
@@ -96,13 +63,6 @@ def test_the_same_seed_makes_the_same_landmarks(narrow: StateChecker) -> None:
     for a, b, c in zip(rounds(first, 3), rounds(again, 3), rounds(other, 3), strict=True):
         assert np.array_equal(a, b)
         assert not np.array_equal(a, c)
-
-
-def test_a_round_is_made_once(narrow: StateChecker) -> None:
-    source = LandmarkSource(narrow, query=ends(narrow.world.query("second")), seed=5)
-    assert source.made == 0
-    assert source.round(0) is source.round(0)
-    assert source.made == 1
 
 
 def test_without_a_query_landmarks_lie_all_over(narrow: StateChecker) -> None:
@@ -136,8 +96,6 @@ def test_landmarks_keep_to_the_bounds(narrow: StateChecker) -> None:
     assert x.max() <= 17.0
     assert y.min() >= 1.0
     assert y.max() <= 9.0
-    with pytest.raises(LandmarkError, match="within"):
-        LandmarkSource(narrow, [[1.6, 2.0, 0.0]], bounds=(7.0, 1.0, 17.0, 9.0))
 
 
 def test_a_disc_robot_turns_evenly_on_its_way() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from tests.benchmark.conftest import small_world
 
 from trailmark.ompl_bridge import SE2Problem
-from trailmark.ompl_bridge.measured import _Monitor, graph_size, measure, simplify
+from trailmark.ompl_bridge.measured import graph_size, measure, simplify
 from trailmark.path import Path
 from trailmark.shapes import Rectangle
 from trailmark.world import Query, Robot, World
@@ -60,13 +59,6 @@ def test_the_first_path_may_end_a_run(name: str) -> None:
     assert run.time < 5.0  # the limit
 
 
-def test_a_cost_summed_in_another_order_is_no_better_one() -> None:
-    monitor = _Monitor(None)
-    for time, cost in ((0.1, 7.0), (0.2, math.nextafter(7.0, 0.0)), (0.3, 6.9), (0.4, 6.95)):
-        monitor.add(time, cost)
-    assert monitor.curve == [(0.1, 7.0), (0.3, 6.9)]
-
-
 @pytest.mark.slow
 def test_the_curve_is_read_while_it_plans() -> None:
     steps: list[None] = []
@@ -74,18 +66,6 @@ def test_the_curve_is_read_while_it_plans() -> None:
     assert len(steps) > 20
     # The first solution of so simple a problem comes long before the limit.
     assert run.curve[0][0] < 0.5
-
-
-@pytest.mark.slow
-def test_prm_takes_its_turns(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trailmark.ompl_bridge import measured
-
-    monkeypatch.setattr(measured, "GROWING", 0.06)
-    monkeypatch.setattr(measured, "EXPANDING", 0.03)
-    posed = problem(True)
-    run = measure(posed, "PRM", 0.25)
-    assert run.exact
-    assert graph_size(posed)[0] > 100
 
 
 def test_without_a_way_there_is_no_curve() -> None:

@@ -15,7 +15,6 @@ from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
 from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError
 from trailmark.library import find_world
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, LandmarkStream, Mixture
@@ -63,15 +62,6 @@ def test_shares_are_those_asked_for(mixture: Mixture) -> None:
     assert np.abs(share - wanted).max() < 5.0 * math.sqrt(0.25 / n) + 0.02
 
 
-@pytest.mark.parametrize(
-    "mixture",
-    [Mixture(0.5, 0.5, 0.0), Mixture(-0.1, 0.5, 0.6), Mixture(0.5, math.nan, 0.5), Mixture(0.5, math.inf, 0.5)],
-)
-def test_impossible_shares_are_refused(narrow: StateChecker, mixture: Mixture) -> None:
-    with pytest.raises(ConfigurationError, match="expected finite shares of 0 or more, uniform above 0"):
-        LandmarkStream(LandmarkSource(narrow), mixture, 0)
-
-
 @pytest.mark.slow
 @settings(max_examples=few(15))
 @given(st.sampled_from(sorted(ROBOTS)), st.integers(0, 2**16))
@@ -83,41 +73,6 @@ def test_what_must_be_valid_is(robot: str, seed: int) -> None:
     if len(q):
         assert not Oracle(world, ROBOTS[robot]).collides(q).any()
         assert (np.abs(q[:, 2]) <= math.pi).all()
-
-
-@pytest.mark.slow
-def test_rounds_alternate_with_the_mixture(narrow: StateChecker) -> None:
-    query = narrow.world.query("second")
-    source = LandmarkSource(narrow, query=[query.start, query.goal], seed=0)
-    stream = LandmarkStream(source, ROADMAP_MIXTURE, 0)
-    first = source.round(0)
-    assert first is not None
-    taken(stream, len(first))
-    assert stream.tally[1:] == [0] * (len(ORIGINS) - 1)
-    taken(stream, 4000)
-    assert source.made > 2
-    assert stream.tally[0] > 2 * len(first)
-    assert min(stream.tally[1:4]) > 100
-    assert len(stream.landmarks) >= stream.tally[0]
-
-
-def test_between_and_around_are_nearer_to_the_passage_than_uniform_ones(narrow: StateChecker) -> None:
-    query = narrow.world.query("second")
-    made = LandmarkSource(narrow, query=[query.start, query.goal], seed=0)
-    made.round(1)
-    source = LandmarkSource(narrow, made.landmarks)
-
-    def share(mixture: Mixture) -> float:
-        stream = LandmarkStream(source, mixture, 2)
-        taken(stream, len(made.landmarks))
-        q = taken(stream, 600)
-        assert stream.tally[0] == len(made.landmarks)
-        # The slit of world narrow: 2.5 m long at x = 10.5.
-        return float(((q[:, 0] > 10.5) & (q[:, 0] < 13.0)).mean())
-
-    uniform = share(Mixture(0.0, 0.0, 1.0))
-    assert share(Mixture(0.0, 1.0, 1e-9)) > 3.0 * uniform
-    assert share(Mixture(1.0, 0.0, 1e-9)) > 3.0 * uniform
 
 
 @pytest.mark.slow
@@ -141,13 +96,6 @@ def test_none_where_nothing_is_valid() -> None:
     stream = LandmarkStream(LandmarkSource(checker), ROADMAP_MIXTURE, 0)
     assert [stream.take() for _ in range(3)] == [None, None, None]
     assert sum(stream.tally) == 0
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_configurations(narrow: StateChecker) -> None:
-    a, b, c = (taken(LandmarkStream(LandmarkSource(narrow, seed=4), ROADMAP_MIXTURE, seed), 1500) for seed in (1, 1, 2))
-    assert np.array_equal(a, b)
-    assert not np.array_equal(a, c)
 
 
 LATE = """

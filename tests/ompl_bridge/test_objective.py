@@ -8,12 +8,12 @@ import pytest
 
 
 @pytest.mark.slow
-def test_the_landmark_planner_and_rrt_star_go_round_a_dear_zone(run_ompl: Any) -> None:
+def test_the_landmark_planner_and_rrt_star_go_round_a_costly_zone(run_ompl: Any) -> None:
     found = run_ompl(
         """
 from trailmark import CostZone, PlannerSettings
 zone = CostZone([(3, 2), (7, 2), (7, 8), (3, 8)], 4.0)
-world = World("dear", (0, 0, 10, 10), (), Robot.rectangle(0.6, 0.4), zones=(zone,))
+world = World("costly", (0, 0, 10, 10), (), Robot.rectangle(0.6, 0.4), zones=(zone,))
 problem = SE2Problem(world, query=((1, 5, 0), (9, 5, 0)))
 objective = PathObjective(problem.information, "length")
 problem.setup.setOptimizationObjective(objective)

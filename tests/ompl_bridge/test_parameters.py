@@ -7,8 +7,7 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from trailmark.ompl_bridge.errors import PlannerNameError
-from trailmark.ompl_bridge.parameters import parameters_of, set_parameters
-from trailmark.ompl_bridge.planners import planner_names
+from trailmark.ompl_bridge.planners import parameters_of, planner_names, set_parameters
 
 
 def information() -> ob.SpaceInformation:

@@ -49,26 +49,6 @@ tell(sizes=sizes, costs=costs, words=words, names=names, again=again, cleared=fr
 
 
 @pytest.mark.slow
-def test_settings_reach_the_planning(run_ompl: Any) -> None:
-    found = run_ompl("""
-from trailmark.planning import LandmarkPlanner as Own
-from trailmark.planning import PlannerSettings
-problem = SE2Problem(shipped("environment2"))
-sizes = []
-for settings in (None, PlannerSettings(first_landmarks=20, patience=1)):
-    planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0, settings=settings))
-    problem.solve(20.0)
-    own = Own(problem.checker.world, checker=problem.checker, seed=0, settings=settings)
-    own.plan(problem.start, problem.goal, 20.0)
-    sizes.append([len(planner.roadmap), len(own.roadmap)])
-    problem.setup.clear()
-tell(sizes=sizes)
-""")
-    assert all(bridged == own for bridged, own in found["sizes"])
-    assert len({own for _, own in found["sizes"]}) == 2
-
-
-@pytest.mark.slow
 def test_it_ends_with_the_termination_condition(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("long"), query="corner")
@@ -129,48 +109,6 @@ tell(word=status.asString(), approximate=problem.setup.getProblemDefinition().ha
         assert 6.0 < found["difference"] < 16.0
     assert not found["exact"]
     assert found["path"]
-
-
-@pytest.mark.slow
-def test_what_it_cannot_do_is_refused(run_ompl: Any) -> None:
-    found = run_ompl("""
-def outcome(f):
-    try:
-        return ["fine", str(f())]
-    except Exception as error:
-        return [type(error).__name__, str(error)]
-problem = SE2Problem(shipped("office"))
-planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
-class Odd(ob.OptimizationObjective):
-    def stateCost(self, s): return ob.Cost(1.0)
-    def motionCost(self, a, b): return ob.Cost(1.0)
-problem.setup.setOptimizationObjective(Odd(problem.information))
-tell(objective=outcome(lambda: problem.solve(1.0)))
-problem = SE2Problem(shipped("office"))
-problem.set_planner(LandmarkPlanner(problem.information, seed=0))
-problem.setup.setOptimizationObjective(ob.PathLengthOptimizationObjective(problem.information))
-tell(length=outcome(lambda: problem.solve(0.4).asString()))
-tell(name=outcome(lambda: planner_named("RTTConnect", problem.information)))
-bare = ob.SpaceInformation(problem.space)
-tell(checker=outcome(lambda: LandmarkPlanner(bare)))
-world = shipped("office")
-tell(robot=outcome(lambda: SE2Problem(World("bare", world.bounds, world.obstacles))))
-tell(query=outcome(lambda: SE2Problem(world, query="dor")))
-tell(resolution=outcome(lambda: SE2Problem(world, certified=False, resolution=-1.0)))
-tell(start=outcome(lambda: SE2Problem(world, query=((-5.0, 0.0, 0.0), (1.0, 1.0, 0.0)))))
-""")
-    assert found["objective"][0] == "ObjectiveError"
-    assert "PathLengthOptimizationObjective" in found["objective"][1]
-    assert found["length"] == ["fine", "Exact solution"]
-    assert found["name"][0] == "PlannerNameError"
-    assert "did you mean 'RRTConnect'?" in found["name"][1]
-    assert found["checker"][0] == "BridgeError"
-    assert found["robot"][0] == "WorldError"
-    assert found["query"][0] == "WorldError"
-    assert found["resolution"][0] == "ConfigurationError"
-    assert found["start"][0] == "ConfigurationError"
-    for _, message in found.values():
-        assert "\n" not in message
 
 
 @pytest.mark.slow

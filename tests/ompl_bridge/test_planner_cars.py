@@ -143,28 +143,3 @@ tell(divided=divided, refused=refused, worse=worse, longer=int(longer))
     assert found["refused"] == 0
     assert found["longer"] == 0
     assert found["worse"] == 0
-
-
-@pytest.mark.slow
-def test_it_runs_in_ompls_benchmark_beside_the_others(run_ompl: Any, tmp_path: Any) -> None:
-    log = tmp_path / "car.log"
-    found = run_ompl(
-        SET_UP
-        + f"""
-from ompl import tools as ot
-problem = SE2Problem(world, world.robot.steered(0.6))
-bench = ot.Benchmark(problem.setup, "office")
-bench.addPlanner(og.RRTConnect(problem.information))
-bench.addPlanner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
-request = ot.Request()
-request.maxTime, request.maxMem, request.runCount, request.displayProgress = 0.2, 2000.0, 2, False
-request.saveConsoleOutput = False
-with planning():
-    bench.benchmark(request)
-bench.saveResultsToFile({str(log)!r})
-tell(done=True)
-"""
-    )
-    assert found["done"]
-    rows = log.read_text().split("geometric_landmark")[1].split("2 runs")[1].split(".\n")[0]
-    assert len([row for row in rows.splitlines() if row.strip()]) == 2

@@ -90,19 +90,6 @@ tell(states=problem.path.states.tolist(), handed=plugged.handed)
 
 
 @pytest.mark.slow
-def test_given_landmarks_are_drawn_first(run_ompl: Any) -> None:
-    found = run_ompl("""
-problem = SE2Problem(shipped("narrow"), query="second")
-given = [[8.2, 8.0, 0.5], [7.5, 8.0, -1.0], [15.0, 5.0, 3.0]]
-plug_landmark_sampler(problem.setup, given, seed=1)
-sampler = problem.information.allocValidStateSampler()
-s = state(problem.information, [0, 0, 0])
-tell(first=[configuration(s).tolist() for _ in range(3) if sampler.sample(s)], given=given)
-""")
-    assert found["first"] == pytest.approx(np.array(found["given"]))
-
-
-@pytest.mark.slow
 def test_the_same_seed_draws_the_same_states(run_ompl: Any) -> None:
     found = run_ompl("""
 def drawn(seed):
@@ -114,47 +101,6 @@ def drawn(seed):
 tell(same=drawn(1) == drawn(1), other=drawn(1) == drawn(2))
 """)
     assert found == {"same": True, "other": False}
-
-
-@pytest.mark.slow
-def test_bad_input_is_named(run_ompl: Any) -> None:
-    found = run_ompl("""
-from trailmark import StateChecker
-messages = {}
-def attempt(name, setup, *arguments, **options):
-    try:
-        plug_landmark_sampler(setup, *arguments, **options)
-        messages[name] = None
-    except Exception as error:
-        messages[name] = [type(error).__name__, str(error)]
-problem = SE2Problem(shipped("narrow"), query="second")
-attempt("shape", problem.setup, [[1.0, 2.0]])
-attempt("invalid", problem.setup, [[5.5, 4.0, 0.0]])
-attempt("shares", problem.setup, mixture=Mixture(1.0, 1.0, 0.0))
-attempt("seed", problem.setup, seed=-2)
-line = ob.RealVectorStateSpace(2)
-bounds = ob.RealVectorBounds(2)
-bounds.setLow(0.0); bounds.setHigh(1.0)
-line.setBounds(bounds)
-attempt("space", og.SimpleSetup(line))
-wide = ob.SE2StateSpace()
-bounds.setHigh(100.0)
-wide.setBounds(bounds)
-attempt("bounds", og.SimpleSetup(wide), checker=problem.checker)
-attempt("checker", og.SimpleSetup(problem.space))
-tell(**messages)
-""")
-    assert found["shape"][0] == "LandmarkError"
-    assert "got (1, 2)" in found["shape"][1]
-    assert found["invalid"][0] == "LandmarkError"
-    assert "landmark 0 (5.5, 4, 0) is not valid" in found["invalid"][1]
-    assert found["shares"][0] == found["seed"][0] == "ConfigurationError"
-    assert found["space"][0] == "SpaceError"
-    assert "RealVectorStateSpace" in found["space"][1]
-    assert found["bounds"][0] == "BoundsError"
-    assert found["checker"][0] == "BridgeError"
-    assert "expected a checker, or a trailmark StateValidityChecker" in found["checker"][1]
-    assert all("\n" not in message for _, message in found.values())
 
 
 @pytest.mark.slow
@@ -198,21 +144,3 @@ tell(alive=sum(ref() is not None for ref in kept), of=len(kept))
         whole=True,
     )
     assert found == {"alive": 0, "of": 36}
-
-
-@pytest.mark.slow
-def test_landmarks_anew_for_every_run(run_ompl: Any) -> None:
-    found = run_ompl("""
-problem = SE2Problem(shipped("narrow"), query="second")
-plugged = plug_landmark_sampler(problem.setup, seed=1)
-problem.set_planner("PRM")
-handed = []
-for _ in range(3):
-    problem.solve(0.2)
-    handed.append(plugged.handed["landmark"])
-    problem.setup.clear()
-tell(handed=handed, made=plugged.source.made)
-""")
-    first, second, third = found["handed"]
-    assert 0 < first < second < third
-    assert found["made"] >= 1

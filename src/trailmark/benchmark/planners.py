@@ -155,7 +155,7 @@ def _require_parameters(name: PlannerName) -> None:
         method_settings(name)
         return
     from trailmark.ompl_bridge.errors import PlannerNameError
-    from trailmark.ompl_bridge.parameters import set_parameters
+    from trailmark.ompl_bridge.planners import set_parameters
 
     try:
         set_parameters(name.algorithm, name.parameters)

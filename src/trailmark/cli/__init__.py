@@ -1,8 +1,8 @@
 """The shell command ``trailmark``: one file per command, heavy imports inside the commands.
 
 A new command is a new file here and one line below. Exit status: 0 done, 2 bad input or usage (one line on
-stderr), 3 no path found within the time limit, 4 proven infeasible, 5 a path that was checked collides or is none that
-the robot can drive, 130 interrupted, 141 the reader of stdout went away, 143 terminated.
+stderr), 3 no path found within the time limit, 4 proven infeasible, 5 a checked path collides or cannot be driven, 130
+interrupted, 141 stdout closed by its reader, 143 terminated.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from trailmark.cli import (
     roadmap,
     warmup,
     worlds,
-)  # a command's file has its name
+)
 from trailmark.cli.options import UsageError
 from trailmark.errors import InputWarning, InternalErrorWarning, TrailmarkError
 
@@ -44,7 +44,8 @@ _ALLOCATIONS = 10_000
 
 app = typer.Typer(
     name="trailmark",
-    help="Certified motion planning for a mobile robot with a shape and a heading.",
+    help="Plan and check collision-free paths for mobile robots in 2D maps.",
+    rich_markup_mode=None,  # plain help: rich takes half of its time, and would read brackets as markup
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -58,7 +59,7 @@ app.command("roadmap")(roadmap.roadmap)
 app.command("benchmark")(benchmark.benchmark)
 app.command("report")(report.report)
 app.add_typer(worlds.app, name="worlds")
-app.add_typer(warmup.app, name="warmup")
+app.command("warmup")(warmup.warmup)
 
 _COMPLETE = "_TRAILMARK_COMPLETE"
 """Set by the shell's completion script, which asks for the words that may come next."""
@@ -89,11 +90,12 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     atexit.register(_end_quickly)
     console.open_closed_streams()
+    words = sys.argv[1:] if args is None else args
     with _signals() as received, _rare_collections():
         try:
-            return _run(sys.argv[1:] if args is None else args)
+            return _run(words)
         except UsageError as error:
-            console.fail(_usage(error))
+            console.fail(_usage(error, words))
         except TrailmarkError as error:
             console.fail(str(error))
         except BrokenPipeError:
@@ -115,10 +117,7 @@ def main(args: Sequence[str] | None = None) -> int:
 def _run(words: Sequence[str]) -> int:
     """Run one command; return its exit status or raise what stopped it."""
     command = typer.main.get_command(app)
-    # The list of commands is plain text: rich, which sets the options of each in panels, is half of its time.
-    command.rich_markup_mode = None  # type: ignore[attr-defined] # typer's own attribute of a group
-    for each in command.commands.values():  # type: ignore[attr-defined] # a group's
-        each.short_help = (each.help or "").partition("\n\n")[0]  # given, it is wrapped and not cut
+    _keep_summaries(command)
     if _COMPLETE in os.environ:
         return int(command.main(list(words), "trailmark", _COMPLETE, standalone_mode=False) or 0)
     status = 0
@@ -142,6 +141,14 @@ def _run(words: Sequence[str]) -> int:
     # Here and not while the interpreter shuts down, where an error could no longer be reported.
     sys.stdout.flush()
     return status
+
+
+def _keep_summaries(group: Any) -> None:
+    """Give commands their help's first paragraph as summary: it is wrapped then, and not cut."""
+    for command in group.commands.values():
+        command.short_help = (command.help or "").partition("\n\n")[0]
+        if hasattr(command, "commands"):
+            _keep_summaries(command)
 
 
 @contextmanager
@@ -192,13 +199,14 @@ def _ended(received: list[int]) -> int:
     return 128 + (received[0] if received else signal.SIGINT)
 
 
-def _usage(error: Any) -> str:
+def _usage(error: Any, words: Sequence[str]) -> str:
     """Return a usage error as one sentence that names the commands there are, or where the options are described."""
-    problem = error.format_message().rstrip(".")
-    context = error.ctx  # None for some of typer's own errors
-    if context is None:
-        return f"{problem} (see 'trailmark --help')"
-    known = context.command.list_commands(context) if hasattr(context.command, "list_commands") else []
-    if "command" in problem and known:
-        return f"{problem}; expected {', '.join(known)}"
-    return f"{problem} (see '{context.command_path} --help')"
+    problem, path, command = error.format_message().rstrip("."), "trailmark", typer.main.get_command(app)
+    for word in words:
+        found = getattr(command, "commands", {}).get(word)
+        if found is None:
+            break
+        command, path = found, f"{path} {word}"
+    if "command" in problem and hasattr(command, "commands"):
+        return f"{problem}; expected {', '.join(command.commands)}"
+    return f"{problem} (see '{path} --help')"

@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from trailmark.cli import console
-from trailmark.cli.benchmark_problems import Wanted, posed_problems, print_suites, read_source
-from trailmark.cli.options import (
-    DriveOption,
-    ForwardOnlyOption,
-    JsonOption,
-    RobotOption,
-    TurningRadiusOption,
-    UsageError,
-    option,
-    output_file,
-    protect_inputs,
-    read_count,
-    read_duration,
-    read_robot,
-    read_turning_radius,
-)
+from trailmark.cli import console, options
+from trailmark.cli.options import UsageError, option
 
 if TYPE_CHECKING:
+    from trailmark.benchmark.problems import Problem
+    from trailmark.benchmark.public.base import PublicSuite
     from trailmark.benchmark.resolution import Resolution
     from trailmark.benchmark.runner import Benchmark, Tally
     from trailmark.benchmark.suites import Suite
+    from trailmark.world import Robot, World
 
 __all__ = ["benchmark"]
 
-DEFAULTS = {"runs": "10", "time limit": "1.0", "memory limit": "4096"}
+DEFAULTS = {"runs": "10", "time_limit": "1.0", "memory_limit": "4096"}
+
+Text = str | None
+Public = tuple["PublicSuite", Path]
+"""A public suite and the folder with its files."""
 
 
 def benchmark(
@@ -47,100 +39,97 @@ def benchmark(
         option(
             "--planner",
             "NAME",
-            "landmark, roadmap, roadmap-uniform, lattice, paper, one of OMPL's (PRM, RRTstar …), the same with "
-            "certified motions (PRM+certified), native:NAME, module:function of your own, or all; parameters may "
-            "follow (RRTConnect:range=2); repeat it for more.",
+            "landmark, roadmap, roadmap-uniform, lattice, paper, a planner of OMPL (PRM, RRTstar, …), PRM+certified "
+            "(with certified motions), native:PRM (in C++), module:function (your own), or all. Parameters "
+            "follow a colon: RRTConnect:range=2. Repeat it for several.",
             "-p",
         ),
     ] = None,
-    output: Annotated[str | None, option("--output", "RESULTS.db", "The results database; it is added to.")] = None,
+    output: Annotated[Text, option("--output", "RESULTS.db", "Results database to create or add to.")] = None,
     suite: Annotated[
-        str | None,
-        option("--suite", "NAME", "A public suite (see --list-suites), or a file with worlds, planners and limits."),
+        Text, option("--suite", "NAME", "Public suite (see --list-suites), or file of worlds, planners and limits.")
     ] = None,
-    data: Annotated[str | None, option("--data", "DIR", "The folder with the public suite's files.")] = None,
+    data: Annotated[Text, option("--data", "DIR", "Folder with the files of the public suite.")] = None,
     count: Annotated[
-        str | None, option("--problems", "N", "So many problems, spread evenly over all; default: all.")
+        Text, option("--problems", "N", "Number of problems, spread evenly over the suite; default: all.")
     ] = None,
     list_suites: Annotated[
-        bool, typer.Option("--list-suites", help="List the public suites and where they are published, and do no more.")
+        bool, typer.Option("--list-suites", help="List the public suites and their sources.")
     ] = False,
-    runs: Annotated[str | None, option("--runs", "N", "Runs of each planner on each problem; default: 10.")] = None,
-    time_limit: Annotated[
-        str | None, option("--time-limit", "SECONDS", "Planning time of a run; default: 1.0.")
+    runs: Annotated[Text, option("--runs", "N", "Runs of each planner on each problem; default: 10.")] = None,
+    time_limit: Annotated[Text, option("--time-limit", "SECONDS", "Planning time of a run; default: 1.0.")] = None,
+    memory_limit: Annotated[Text, option("--memory-limit", "MB", "Memory limit of a run; default: 4096.")] = None,
+    seed: Annotated[
+        Text, option("--seed", "N", "Seed of the first run, plus 1 for each further run; default: 0.")
     ] = None,
-    memory_limit: Annotated[
-        str | None, option("--memory-limit", "MB", "Memory that a run may take; default: 4096.")
+    query: Annotated[
+        list[str] | None, option("--query", "NAME", "Name of a query of the worlds; default: all.")
     ] = None,
-    seed: Annotated[str | None, option("--seed", "N", "Seed of the first run; they count up; default: 0.")] = None,
-    query: Annotated[list[str] | None, option("--query", "NAME", "A query of the worlds; default: all.")] = None,
-    robot: RobotOption = None,
-    turning_radius: TurningRadiusOption = None,
-    forward_only: ForwardOnlyOption = False,
-    drive: DriveOption = None,
+    robot: options.RobotOption = None,
+    turning_radius: options.TurningRadiusOption = None,
+    forward_only: options.ForwardOnlyOption = False,
+    drive: options.DriveOption = None,
     resolution: Annotated[
-        str | None,
+        Text,
         option(
             "--resolution",
             "METRES|PERCENT%",
-            "Distance between the states that OMPL's discrete motion validation checks, in metres or as a share of "
-            "the robot's inscribed radius; default: 10%, native planners 5%.",
+            "Spacing of the states that OMPL's discrete motion validation checks, in metres or as a share of the "
+            "robot's inscribed radius; default: 10%, native planners 5%.",
         ),
     ] = None,
-    workers: Annotated[str | None, option("--workers", "N", "Runs at once on this machine; default: 1.")] = None,
-    scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", "Run on this Dask cluster instead.")] = None,
-    as_json: JsonOption = False,
+    workers: Annotated[Text, option("--workers", "N", "Parallel runs on this machine; default: 1.")] = None,
+    scheduler: Annotated[Text, option("--scheduler", "ADDRESS", "Run on the Dask cluster at this address.")] = None,
+    as_json: options.JsonOption = False,
 ) -> None:
-    """Run planners on problems, each run in a process of its own, and keep every result.
+    """Run planners on problems and store every result in a database.
 
-    The same command again makes the runs that are missing. A run's time is planning alone: no start of a process, no
-    set-up of world and checker.
-
-    Read the results with 'trailmark report', Planner Arena or any SQLite program.
+    Each run has a process of its own; its time is planning time alone, without set-up. The same command again makes
+    the runs that are missing. Read the results with 'trailmark report' or Planner Arena.
     """
+    from trailmark.benchmark.isolation.executors import cluster, local
     from trailmark.benchmark.planners import read_planners
     from trailmark.benchmark.runner import Benchmark
     from trailmark.benchmark.store import Store
 
     if list_suites:
-        print_suites()
+        _print_suites()
         return
     if workers is not None and scheduler is not None:
         raise UsageError(f"expected --workers or --scheduler, got both (--workers {workers!r})")
     if output is None:
         raise UsageError("--output is missing; expected --output RESULTS.db")
-    given, public = read_source(suite, data)
-    file = output_file(output, ())
+    given, public = _read_source(suite, data)
+    file = options.output_file(output, ())
     with console.progress("loading worlds"):
         wanted = Wanted(
-            robot=read_robot(robot),
-            turning_radius=read_turning_radius(turning_radius),
-            forward_only=forward_only,
-            drive=drive,
-            queries=tuple(query or ()),
-            count=None if count is None else read_count(count, "--problems", 1, 1_000_000),
+            options.RobotOptions.read(robot, turning_radius, forward_only, drive),
+            tuple(query or ()),
+            None if count is None else options.read_count(count, "--problems", 1, 1_000_000),
         )
-        problems = posed_problems(worlds or [], given, public, wanted)
+        problems = _posed_problems(worlds or [], given, public, wanted)
         plan = Benchmark(
             problems=problems,
             planners=read_planners(
                 planners or (list(given.planners) if given else []),
                 cars=any(problem.steering is not None for problem in problems),
             ),
-            runs=read_count(runs or _setting(given, "runs"), "--runs", 1, 1_000_000),
-            time_limit=read_duration(time_limit or _setting(given, "time_limit"), "--time-limit"),
-            memory_limit=read_count(memory_limit or _setting(given, "memory_limit"), "--memory-limit", 1, 2**30),
-            seed=read_count(seed or "0", "--seed", 0, 2**31 - 1),
+            runs=options.read_count(runs or _setting(given, "runs"), "--runs", 1, 1_000_000),
+            time_limit=options.read_duration(time_limit or _setting(given, "time_limit"), "--time-limit"),
+            memory_limit=options.read_count(
+                memory_limit or _setting(given, "memory_limit"), "--memory-limit", 1, 2**30
+            ),
+            seed=options.read_count(seed or "0", "--seed", 0, 2**31 - 1),
             resolution=None if resolution is None else _resolution(resolution),
         )
-        slots = read_count(workers or "1", "--workers", 1, 1024)
+        slots = options.read_count(workers or "1", "--workers", 1, 1024)
     assert file is not None  # noqa: S101  # --output was given
     read = [source for problem in problems for source in problem.world.sources] + (
         [Path(suite)] if given and suite else []
     )
-    protect_inputs(read, file)
+    options.protect_inputs(read, file)
     # The scheduler first: if it does not answer, no database is made.
-    with _pool(slots, scheduler) as pool, Store(file) as store:
+    with local(slots) if scheduler is None else cluster(scheduler) as pool, Store(file) as store:
         tally = _run(plan, store, pool, file)
     _print(tally, file, plan.planners, as_json=as_json)
 
@@ -157,24 +146,18 @@ def _resolution(text: str) -> Resolution:
 
 def _setting(suite: Suite | None, name: str) -> str:
     given = None if suite is None else getattr(suite, name)
-    return DEFAULTS[name.replace("_", " ")] if given is None else str(given)
-
-
-@contextmanager
-def _pool(workers: int, scheduler: str | None) -> Iterator[Any]:
-    from trailmark.benchmark.isolation.executors import cluster, local
-
-    with ExitStack() as stack:
-        yield stack.enter_context(local(workers) if scheduler is None else cluster(scheduler))
+    return DEFAULTS[name] if given is None else str(given)
 
 
 def _run(plan: Benchmark, store: Any, pool: Any, file: Path) -> Tally:
     last: list[Tally] = []
-    with _bar() as show:
+    with console.progress("starting workers") as progress:
 
         def follow(tally: Tally) -> None:
             last[:] = [tally]
-            show(tally)
+            progress.phase, progress.done = tally.latest or progress.phase, (tally.done, tally.total)
+            progress.details = [f"{tally.left:.0f} s left"] if tally.made and tally.left is not None else []
+            progress.details += [f"{tally.failed} unsolved"] if tally.failed else []
 
         try:
             return plan.run(store, pool, follow)
@@ -186,38 +169,6 @@ def _run(plan: Benchmark, store: Any, pool: Any, file: Path) -> Tally:
             raise
 
 
-@contextmanager
-def _bar() -> Iterator[Callable[[Tally], None]]:
-    """Show a bar with the time left while the block runs, if stderr is a terminal."""
-    import sys
-
-    if not sys.stderr.isatty():
-        yield lambda tally: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("starting workers")
-
-        def show(tally: Tally) -> None:
-            words = [tally.latest or "starting workers"]
-            if tally.made and tally.left is not None:
-                words.append(f"{_clock(tally.left)} left")
-            if tally.failed:
-                words.append(f"{tally.failed} without a solution")
-            progress.update(task, total=tally.total, completed=tally.done, description=" · ".join(words))
-
-        yield show
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
-
-
 def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) -> None:
     from trailmark.benchmark.results import load_results
     from trailmark.benchmark.summary import failure_lines, summary_rows
@@ -227,10 +178,109 @@ def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) 
         console.say(console.json_text(record))
         return
     before = tally.total - tally.made
-    there = f", {before:,} were there already" if before else ""
+    there = f", {before:,} already there" if before else ""
     console.say(f"{tally.made:,} runs made, {tally.failed:,} of them without a correct solution{there}")
     results = load_results(file)
     console.print_table(summary_rows(results, planners), indent="  ")
     for line in failure_lines(results, planners):
         console.say(line)
     console.say(f"written: {file}")
+
+
+class Wanted(NamedTuple):
+    """The options about problems: robot, names of queries (all if empty) and number (all if None)."""
+
+    robot: options.RobotOptions
+    queries: tuple[str, ...]
+    number: int | None
+
+    def posed(self, world: World, robot: Robot | None, queries: Sequence[str]) -> Iterator[Problem]:
+        """Return a world's problems for a robot, or else the world's own."""
+        from trailmark.benchmark.problems import problems_of
+
+        if robot := robot or world.robot:
+            robot = self.robot.steered(robot)
+            world = options.grown_for(world, robot)
+        return problems_of(world, robot, queries)
+
+
+def _read_source(suite: str | None, data: str | None) -> tuple[Suite | None, Public | None]:
+    """Return the suite that ``--suite`` and ``--data`` give: that of a file, or a public one; neither without them."""
+    from trailmark.benchmark.public.catalogue import PUBLIC, folder_of
+    from trailmark.benchmark.suites import read_suite
+    from trailmark.errors import expected_name
+
+    if suite in PUBLIC:
+        return None, (PUBLIC[suite], folder_of(PUBLIC[suite], data))
+    if data is not None:
+        raise UsageError(f"--data {data!r} given with --suite {suite!r}; expected --suite {', '.join(PUBLIC)}")
+    if suite is None:
+        return None, None
+    if not Path(suite).suffix and not Path(suite).exists():
+        raise UsageError(f"--suite: {expected_name(suite, PUBLIC)}, or a file")
+    return read_suite(Path(suite)), None
+
+
+def _print_suites() -> None:
+    """Print each public suite with its contents, robot, expected folder and source."""
+    from trailmark.benchmark.public.catalogue import PUBLIC
+
+    for suite in PUBLIC.values():
+        console.say(suite.name)
+        console.say(f"  {suite.contents}")
+        console.say(f"  robot: {suite.robot}")
+        if suite.published:
+            console.say(f"  --data: a folder with {suite.expected}")
+            console.say(f"  published: {suite.published}")
+        else:
+            console.say("  made by trailmark from seeds, no --data")
+
+
+def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | None, wanted: Wanted) -> list[Problem]:
+    """Return the problems that the words and the suite name, each once.
+
+    Args:
+        worlds: files or names.
+        suite: of a file.
+        public: a public suite and its folder.
+        wanted: the options.
+    """
+    from trailmark.benchmark.public.base import evenly
+    from trailmark.library import shipped_worlds
+
+    found = [
+        problem
+        for text in worlds
+        for problem in wanted.posed(options.load_world(text), wanted.robot.robot, wanted.queries)
+    ]
+    for entry in suite.entries if suite is not None else ():
+        if entry.missing:
+            console.note(f"skipped, not found: {entry.world}")
+            continue
+        world = options.load_world(entry.world)
+        names = [*entry.names, *(query.name for query in entry.queries)]
+        world = replace(world, queries=(*entry.queries, *world.queries))
+        found += wanted.posed(world, wanted.robot.robot or options.read_robot(entry.robot), wanted.queries or names)
+    if public is not None:
+        found += _public(*public, wanted)
+    if not found:
+        raise UsageError(f"no world given; expected files, or {', '.join(shipped_worlds())}, or --suite NAME")
+    return evenly(list({problem.key: problem for problem in found}.values()), wanted.number)
+
+
+def _public(suite: PublicSuite, folder: Path, wanted: Wanted) -> list[Problem]:
+    there = suite.find(folder)
+    for line in there.left_out:
+        console.note(f"skipped: {line}")
+    # Queries are chosen by name among all, for a name is no place in the spread.
+    count = None if wanted.queries else wanted.number
+    robot = None if wanted.robot.robot is None else wanted.robot.steered(wanted.robot.robot)
+    found: list[Problem] = []
+    for world in suite.worlds(folder, there, count, robot):
+        names = [query.name for query in world.queries if query.name in wanted.queries]
+        if names or not wanted.queries:
+            found += wanted.posed(world, robot, names)
+    if not found:
+        raise UsageError(f"--query: expected a query of suite {suite.name}, got {', '.join(wanted.queries)}")
+    console.note(f"suite {suite.name}: {len(found):,} of {len(there.problems):,} problems")
+    return found

@@ -1,4 +1,4 @@
-"""``trailmark check``: is a path free, whoever planned it."""
+"""``trailmark check``: whether a path of any planner is free."""
 
 from __future__ import annotations
 
@@ -8,31 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from trailmark.cli import console
-from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
-from trailmark.cli.options import (
-    PICTURE_SUFFIXES,
-    DriveOption,
-    ForwardOnlyOption,
-    JsonOption,
-    PlotOption,
-    RobotOption,
-    SeedOption,
-    TurningRadiusOption,
-    WorldArgument,
-    grown_for,
-    load_world,
-    option,
-    output_file,
-    protect_inputs,
-    read_count,
-    read_duration,
-    read_robot,
-    read_turning_radius,
-    robot_file,
-    robot_of,
-    steered,
-)
+from trailmark.cli import console, options
+from trailmark.cli.options import option
 
 if TYPE_CHECKING:
     from trailmark.audit import PathAudit, PathAuditor
@@ -45,7 +22,7 @@ WRONG = 5
 """Exit status if the path collides, or holds motions that the robot's drive cannot make."""
 
 ZONES = ("keep-out zone ", "one-way zone ")
-"""What the names of zones begin with."""
+"""Prefixes of the names of zones."""
 
 SHOWN = 12
 """Collisions, and motions that the robot cannot make, that the summary lists at most."""
@@ -55,53 +32,56 @@ SLACK = 1e-3
 
 
 def check(
-    world: WorldArgument,
+    world: options.WorldArgument,
     path: Annotated[
         str,
         typer.Argument(
             metavar="PATH",
             show_default=False,
-            help="JSON, CSV, rows 'x y theta', or a nav_msgs/Path as YAML or JSON; recognised by content.",
+            help="Path to check: JSON, CSV, rows 'x y theta', or nav_msgs/Path as YAML or JSON.",
         ),
     ],
-    robot: RobotOption = None,
-    keepout: KeepoutOption = None,
-    speed_mask: SpeedMaskOption = None,
-    turning_radius: TurningRadiusOption = None,
-    forward_only: ForwardOnlyOption = False,
-    drive: DriveOption = None,
+    robot: options.RobotOption = None,
+    keepout: options.KeepoutOption = None,
+    speed_mask: options.SpeedMaskOption = None,
+    turning_radius: options.TurningRadiusOption = None,
+    forward_only: options.ForwardOnlyOption = False,
+    drive: options.DriveOption = None,
     repair: Annotated[
         str | None,
         option(
             "--repair",
             "OUT",
-            "Write the path with its colliding parts planned anew: in the formats of plan's --output.",
+            "Write the path with its colliding parts replanned, in a format of plan's --output.",
         ),
     ] = None,
     time_limit: Annotated[
-        str, option("--time-limit", "SECONDS", "Time for each part that is planned anew.", default=True)
+        str, option("--time-limit", "SECONDS", "Planning time for each part replanned by --repair.", default=True)
     ] = "1.0",
-    seed: SeedOption = "0",
-    plot: PlotOption = None,
-    as_json: JsonOption = False,
+    seed: options.SeedOption = "0",
+    plot: options.PlotOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
-    """Audit a path, whoever planned it: is it free, what does it collide with, how near does it come.
+    """Check a path of any planner for collisions, clearance and drivability.
 
-    The answer is certified, not sampled. Exit status: 0 free, or repaired; 5 it collides, or holds motions that the
-    drive of the robot cannot make; 2 bad input.
+    The whole motion is checked continuously, not at samples. Exit status: 0 collision-free, or repaired; 5 the path
+    collides or the robot cannot drive it; 2 bad input.
     """
     from trailmark.formats import path_files
     from trailmark.formats.any_path import read_any_path
 
-    limit = read_duration(time_limit, "--time-limit")
-    number = read_count(seed, "--seed", 0)
-    given, radius = read_robot(robot), read_turning_radius(turning_radius)
-    picture, output = output_file(plot, PICTURE_SUFFIXES), output_file(repair, path_files.SUFFIXES)
+    limit = options.read_duration(time_limit, "--time-limit")
+    number = options.read_count(seed, "--seed", 0)
+    given = options.RobotOptions.read(robot, turning_radius, forward_only, drive)
+    picture, output = (
+        options.output_file(plot, options.PICTURE_SUFFIXES),
+        options.output_file(repair, path_files.SUFFIXES),
+    )
     with console.progress("loading") as progress:
-        loaded, file = with_masks(load_world(world), keepout, speed_mask), Path(path)
-        protect_inputs((*loaded.sources, *robot_file(robot), file), picture, output)
-        body = steered(robot_of(loaded, given), radius, forward_only, drive)
-        loaded = grown_for(loaded, body)
+        loaded, file = options.load_world(world, keepout, speed_mask), Path(path)
+        options.protect_inputs((*loaded.sources, *given.files, file), picture, output)
+        body = given.robot_in(loaded)
+        loaded = options.grown_for(loaded, body)
         found = read_any_path(file)
         if found.headings > 2.0 * math.pi:
             console.warn(f"{file}: headings of up to {found.headings:g} are taken as radians; are they in degrees?")
@@ -199,7 +179,7 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
     if len(undrivable) > SHOWN:
         rows.append(("", f"and {len(undrivable) - SHOWN:,} more"))
     if audit.free:
-        rows.append(("clearance", f"{audit.min_clearance:.6f} m at its least, {audit.min_clearance_at:.4f} m along"))
+        rows.append(("clearance", f"minimum {audit.min_clearance:.6f} m, {audit.min_clearance_at:.4f} m along"))
     bound = record["lower_bound"]
     # A polygon through states on a car's curve is shorter than that.
     above = bool(bound) and audit.free and audit.cost >= bound
@@ -219,7 +199,7 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
 
 
 def _curvature(largest: float, radius: float | None) -> str:
-    """Return what the path's largest curvature means for a robot of a turning radius."""
+    """Return the path's largest curvature, compared to the robot's turning radius."""
     text = f"{largest:.4g} 1/m at most" if largest < math.inf else "turns in place"
     if 0.0 < largest < math.inf:
         text += f" (radius {1.0 / largest:.4g} m)"

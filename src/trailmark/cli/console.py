@@ -1,4 +1,4 @@
-"""What the shell prints: results on stdout; errors on stderr; messages and progress on stderr if it is a terminal."""
+"""Output of the shell: results on stdout, errors on stderr, messages and progress on stderr if it is a terminal."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ __all__ = [
     "not_written",
     "note",
     "open_closed_streams",
+    "plural",
     "print_table",
     "progress",
     "say",
@@ -53,6 +54,11 @@ def print_table(rows: Sequence[Sequence[str]], indent: str = "") -> None:
         say((indent + "  ".join(cells)).rstrip())
 
 
+def plural(n: int, noun: str) -> str:
+    """Return a count with its noun."""
+    return f"{n:,} {noun}{'' if n == 1 else 's'}"
+
+
 def note(text: str) -> None:
     """Print a message as one line on stderr if that is a terminal."""
     if sys.stderr.isatty():
@@ -60,9 +66,9 @@ def note(text: str) -> None:
 
 
 def not_written(file: Path) -> None:
-    """Say on stderr that there is no path to write, and that what the file holds is not of this run."""
-    old = "; what it holds is older, and left as it is" if file.exists() else ""
-    typer.echo(_one_line(f"trailmark: {file}: not written, for there is no path{old}"), err=True)
+    """Say on stderr that there is no path to write, and that an older file is kept."""
+    old = "; the older file is kept" if file.exists() else ""
+    typer.echo(_one_line(f"trailmark: {file}: not written: there is no path{old}"), err=True)
 
 
 def fail(problem: str) -> None:
@@ -71,7 +77,7 @@ def fail(problem: str) -> None:
 
 
 def warn(problem: str) -> None:
-    """Print what is wrong, though the command goes on, as one line on stderr."""
+    """Print a warning as one line on stderr."""
     typer.echo(f"{_styled('trailmark: warning:', fg='yellow', bold=True)} {_one_line(problem)}", err=True)
 
 
@@ -85,13 +91,13 @@ def open_closed_streams() -> None:
 
 
 def silence_stdout() -> None:
-    """Point stdout nowhere: its reader is gone, and what is still buffered must not fail at exit."""
+    """Point stdout nowhere: its reader is gone, and buffered output must not fail at exit."""
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 class Progress:
-    """What a long command is doing: the command says so, the display shows it.
+    """The present activity of a long command, set by the command and shown by the display.
 
     Attributes:
         phase: a word or two.
@@ -161,7 +167,7 @@ def _one_line(text: str) -> str:
 
 
 def _printable(text: str, encoding: str | None) -> str:
-    """Return the text with escapes for control characters, and for what the terminal cannot show.
+    """Return the text with escapes for control characters, and characters that the terminal cannot show.
 
     A file name may hold either.
     """

@@ -3,33 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from trailmark.cli import console
-from trailmark.cli.ends import StartOption
-from trailmark.cli.explore_options import Beginning, Limits
-from trailmark.cli.map_summary import plural
-from trailmark.cli.options import (
-    JsonOption,
-    RobotOption,
-    UsageError,
-    load_world,
-    option,
-    protect_inputs,
-    read_duration,
-    read_length,
-)
+from trailmark.cli import console, options
+from trailmark.cli.options import Configuration, UsageError, option
+from trailmark.errors import expected_name
 
 if TYPE_CHECKING:
+    from trailmark.exploration.exploration_folder import SavedExploration
+    from trailmark.exploration.explorer import Explorer
     from trailmark.exploration.result import ExplorationProgress, ExplorationResult
+    from trailmark.robot import Robot
+    from trailmark.world import World
 
 __all__ = ["explore"]
 
 EXIT_STATUS = {"complete": 0, "time": 0, "distance": 0, "stuck": 3, "silent": 3}
-"""By status; what is interrupted ends as every command does."""
+"""By status; an interrupted exploration ends as every command does."""
+
+SENSORS = ("laser", "detections")
+STRATEGIES = ("tour", "gain-per-cost", "nearest-frontier")  # those of trailmark.exploration, which is heavy to import
+
+RANGE = 0.2
+"""Of the sensor by default, as a share of the world's longer side: so that a map takes some landmarks."""
 
 Text = str | None
 
@@ -38,50 +38,56 @@ def explore(
     world: Annotated[
         Text,
         typer.Argument(
-            metavar="WORLD",
-            show_default=False,
-            help="The hidden world: any file that plan reads, or a shipped world's name. --resume knows its own.",
+            metavar="WORLD", show_default=False, help="The simulated world, as for plan; not needed with --resume."
         ),
     ] = None,
-    output: Annotated[Text, option("--output", "DIR", "The folder to write; made if it is not there.")] = None,
-    resume: Annotated[Text, option("--resume", "DIR", "Go on with the exploration in this folder.")] = None,
-    robot: RobotOption = None,
-    start: StartOption = None,
-    sensor: Annotated[Text, option("--sensor", "NAME", "laser, or detections (of discs); default: laser.")] = None,
+    output: Annotated[Text, option("--output", "DIR", "Folder for the results; created if missing.")] = None,
+    resume: Annotated[Text, option("--resume", "DIR", "Continue the exploration in this folder.")] = None,
+    robot: options.RobotOption = None,
+    start: options.StartOption = None,
+    sensor: Annotated[Text, option("--sensor", "NAME", "laser or detections (of discs); default: laser.")] = None,
     sensor_range: Annotated[
-        Text, option("--sensor-range", "METRES", "Default: a fifth of the world's longer side; at most its diagonal.")
+        Text, option("--sensor-range", "METRES", "Range of the sensor; default: a fifth of the world's longer side.")
     ] = None,
     strategy: Annotated[
-        Text, option("--strategy", "NAME", "tour, gain-per-cost or nearest-frontier; default: tour.")
+        Text,
+        option(
+            "--strategy", "NAME", "How to choose where to go: tour, gain-per-cost or nearest-frontier; default: tour."
+        ),
     ] = None,
     confidence: Annotated[
         Text,
-        option("--confidence", "P", "A path is to meet nothing that the noise hides, with probability P."),
+        option(
+            "--confidence", "P", "Keep paths free of unseen obstacles with probability P, given the sensor's noise."
+        ),
     ] = None,
     noise: Annotated[
-        Text, option("--noise", "F", "Factor on the noise of odometry and sensor; default: 1; 0 is none.")
+        Text, option("--noise", "FACTOR", "Factor on the noise of odometry and sensor; 0 is none; default: 1.")
     ] = None,
-    seed: Annotated[Text, option("--seed", "N", "Seed of all random choices; default: 0.")] = None,
-    time_limit: Annotated[Text, option("--time-limit", "SECONDS", "Of the robot's clock; default: no limit.")] = None,
-    max_distance: Annotated[Text, option("--max-distance", "METRES", "To be driven; default: no limit.")] = None,
+    seed: Annotated[Text, option("--seed", "N", "Random seed; default: 0.")] = None,
+    time_limit: Annotated[
+        Text, option("--time-limit", "SECONDS", "Time limit on the simulated robot's clock; default: none.")
+    ] = None,
+    max_distance: Annotated[
+        Text, option("--max-distance", "METRES", "Maximum distance to drive; default: no limit.")
+    ] = None,
     return_home: Annotated[bool, typer.Option("--return-home", help="Drive back to the start at the end.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
-    """Explore an unknown world from landmark to landmark, until it is proven that nothing more can be seen.
+    """Simulate a robot that explores an unknown world and maps it.
 
-    Writes the map as a world, for nav2 and as a roadmap, the log, a summary, a picture, a GIF and a page. Ctrl-C keeps
-    what was mapped so far; --resume goes on.
+    Writes into DIR the map (as a world, for nav2, as a roadmap), the log, a summary, a picture and a GIF. Ctrl-C keeps
+    the map so far; --resume continues.
 
-    Exit status: 0 explored, or a limit reached; 2 bad input; 3 the robot cannot move, or its sensor is silent.
+    Exit status: 0 explored, or a limit reached; 2 bad input; 3 the robot cannot move or its sensor gives no readings.
     """
     begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range}
     begun |= {"confidence": confidence, "noise": noise, "seed": seed}
     folder = _folder(output, resume, begun)
-    limits = Limits(
-        math.inf if time_limit is None else read_duration(time_limit, "--time-limit"),
-        math.inf if max_distance is None else read_length(max_distance, "--max-distance"),
-        return_home,
-    )
+    limits = {
+        "time_limit": math.inf if time_limit is None else options.read_duration(time_limit, "--time-limit"),
+        "distance_limit": math.inf if max_distance is None else options.read_length(max_distance, "--max-distance"),
+    }
     words = {name: text for name, text in (begun | {"world": world, "strategy": strategy}).items() if text is not None}
     beginning = Beginning.read(words) if resume is None else None
     from trailmark.exploration.exploration_folder import (
@@ -98,18 +104,18 @@ def explore(
         saved = None if resume is None else load_exploration(folder)
         if beginning is None:
             beginning = Beginning.read((saved.options if saved else {}) | words)
-        hidden = load_world(beginning.world)
-        protect_inputs((*hidden.sources, *beginning.robot_file), *(folder / name for name in FILES))
-        explorer, options = beginning.explorer(hidden, limits, saved), beginning.kept()
+        hidden = options.load_world(beginning.world)
+        options.protect_inputs((*hidden.sources, *beginning.robot_file), *(folder / name for name in FILES))
+        explorer, words = beginning.explorer(hidden, saved, limits, return_home), beginning.kept()
 
         def keep() -> None:
-            keep_exploration(explorer.saved()._replace(options=options), folder)
+            keep_exploration(explorer.saved()._replace(options=words), folder)
 
         def follow(state: ExplorationProgress) -> None:
             progress.details = (
                 f"{state.area:,.1f} m² known",
                 f"{state.distance:,.1f} m driven",
-                plural(state.landmarks, "landmark"),
+                console.plural(state.landmarks, "landmark"),
                 f"pose σ {100.0 * state.sigma:.1f} cm",
                 *filter(None, [state.event]),
             )
@@ -128,7 +134,7 @@ def explore(
         if not result.history:
             raise KeyboardInterrupt  # before anything was sensed: there is nothing to keep
         progress.stage("writing")
-        save_exploration(result, folder, options)
+        save_exploration(result, folder, words)
         progress.stage("drawing")
         _draw(result, folder)
     record = summary_of(result)
@@ -142,11 +148,7 @@ def explore(
 
 
 def _folder(output: Text, resume: Text, begun: dict[str, Text]) -> Path:
-    """Return the folder that is written.
-
-    Raises:
-        UsageError: there is none, there are two, or an exploration that goes on is to be begun otherwise.
-    """
+    """Return the folder that is written."""
     if resume is None:
         if output is None:
             raise UsageError("--output is missing; expected --output DIR, or --resume DIR")
@@ -155,9 +157,7 @@ def _folder(output: Text, resume: Text, begun: dict[str, Text]) -> Path:
         return Path(output)
     for name, text in begun.items():
         if text is not None:
-            raise UsageError(
-                f"--{name} {text!r} given with --resume, which goes on as it was begun; expected it without"
-            )
+            raise UsageError(f"--{name} {text!r} given with --resume, which keeps the options that it began with")
     if output is not None and Path(output) != Path(resume):
         raise UsageError(f"expected --output or --resume, got both (--output {output!r}, --resume {resume!r})")
     return Path(resume)
@@ -174,7 +174,7 @@ def _print_summary(record: dict[str, Any], result: ExplorationResult, folder: Pa
     last, times = result.history[-1], record["time"]
     colour = "green" if result.status == "complete" else "yellow"
     console.say(f"{record['world']}: {record['status']}, {record['reason']}", fg=colour, bold=True)
-    decisions = f"{plural(len(result.decisions), 'decision')}, median {1e3 * times['decision_median']:.0f} ms"
+    decisions = f"{console.plural(len(result.decisions), 'decision')}, median {1e3 * times['decision_median']:.0f} ms"
     rows = [
         ("known", f"{record['area']:,.2f} m²"),
         ("driven", f"{record['distance']:,.2f} m in {record['duration']:,.1f} s of the robot's clock"),
@@ -183,7 +183,88 @@ def _print_summary(record: dict[str, Any], result: ExplorationResult, folder: Pa
         ("time", f"{times['total']:.2f} s; {decisions}, at most {1e3 * times['decision_max']:.0f} ms"),
     ]
     if result.evaluation is not None:
-        told = f"{record['seen']:.2%} of what can be seen, {plural(record['collisions'], 'collision')}"
+        told = f"{record['seen']:.2%} of the visible area seen, {console.plural(record['collisions'], 'collision')}"
         nees = "" if record["nees"] is None else f", NEES {record['nees']:.2f} of 3"
         rows.insert(0, ("seen", f"{told}{nees}"))
     console.print_table([*rows, ("written", str(folder))], indent="  ")
+
+
+class Beginning(NamedTuple):
+    """The options with which an exploration begins."""
+
+    words: dict[str, str]
+    """The options that were given, by their names without dashes, and the world."""
+    world: str
+    robot: Robot | None
+    start: Configuration | None
+    sensor: str
+    sensor_range: float | None
+    strategy: str
+    confidence: float | None
+    noise: float
+    seed: int
+
+    @classmethod
+    def read(cls, given: Mapping[str, object]) -> Beginning:
+        """Return what options say that are looked at before the world is read."""
+        words = {name: str(text) for name, text in given.items()}
+        if "world" not in words:
+            raise UsageError("WORLD is missing; expected a file, a shipped world's name, or --resume DIR")
+        start, reach, probability = (words.get(name) for name in ("start", "sensor-range", "confidence"))
+        return cls(
+            words,
+            words["world"],
+            options.read_robot(words.get("robot")),
+            None if start is None else options.read_configuration(start, "--start"),
+            _name(words.get("sensor", SENSORS[0]), "--sensor", SENSORS),
+            None if reach is None else options.read_length(reach, "--sensor-range"),
+            _name(words.get("strategy", STRATEGIES[0]), "--strategy", STRATEGIES),
+            None if probability is None else options.read_probability(probability, "--confidence"),
+            options.read_number(words.get("noise", "1"), "--noise", "a finite number of 0 or more", low=0.0),
+            options.read_count(words.get("seed", "0"), "--seed", 0),
+        )
+
+    @property
+    def robot_file(self) -> tuple[Path, ...]:
+        """The file that the robot was read from, if it was."""
+        return options.robot_file(self.words.get("robot"))
+
+    def kept(self) -> dict[str, str]:
+        """Return the words by which the same exploration goes on, from whatever folder."""
+        names = ("world", "robot") if self.robot_file else ("world",)
+        files = {name: Path(self.words[name]) for name in names}
+        return self.words | {name: str(file.absolute()) for name, file in files.items() if file.exists()}
+
+    def explorer(
+        self, world: World, saved: SavedExploration | None, limits: dict[str, Any], return_home: bool
+    ) -> Explorer:
+        """Return the explorer of the world, until a limit of time (seconds) or distance (metres)."""
+        from trailmark.exploration.exploration_settings import ExplorationSettings
+        from trailmark.exploration.explorer import Explorer
+        from trailmark.exploration.simulated_robot import disc_detector, laser_scanner
+
+        body = options.robot_of(world, self.robot)
+        if self.start is None and not world.queries:
+            raise UsageError(f"world {world.name!r} holds no query to start from; expected --start X,Y,T")
+        settings = ExplorationSettings(confidence=self.confidence, return_home=return_home, **limits)
+        xmin, ymin, xmax, ymax = world.bounds
+        reach = RANGE * max(xmax - xmin, ymax - ymin) if self.sensor_range is None else self.sensor_range
+        laser = self.sensor == "laser"
+        sensor = laser_scanner(reach, settings.cell_side(body, world.bounds)) if laser else disc_detector(reach)
+        return Explorer(
+            world,
+            body,
+            sensor,
+            strategy=self.strategy,
+            start=self.start or world.query().start,
+            settings=settings,
+            seed=self.seed,
+            noise=self.noise,
+            resumed=saved,
+        )
+
+
+def _name(text: str, option: str, known: tuple[str, ...]) -> str:
+    if text not in known:
+        raise UsageError(f"{option}: {expected_name(text, known)}")
+    return text

@@ -10,26 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from trailmark.cli import console
-from trailmark.cli.options import (
-    PICTURE_SUFFIXES,
-    JsonOption,
-    PlotOption,
-    RobotOption,
-    SeedOption,
-    UsageError,
-    WorldArgument,
-    grown_for,
-    load_world,
-    option,
-    output_file,
-    protect_inputs,
-    read_count,
-    read_length,
-    read_robot,
-    robot_file,
-    robot_of,
-)
+from trailmark.cli import console, options
+from trailmark.cli.options import UsageError, option
 
 if TYPE_CHECKING:
     from trailmark.collision import StateChecker
@@ -49,46 +31,37 @@ MAX_LANDMARKS = 20_000
 MAX_RUNS = 10_000
 SENSOR_RANGE = 12.0  # metres, as in trailmark.landmarks.executions
 
-PUBLISHED = {("environment1", 1000, 12): ((169, 831), (165, 835), (171, 829))}
-"""Forbidden and valid points of the published runs, for the world made after them."""
-
-GROWN = ("environment2",)
-"""Worlds in whose published runs the points of the C-obstacle were left out."""
-
 PATHS = 4  # queries that paths over the landmarks are sought for, at most
 
 
 def landmarks(
-    world: WorldArgument,
+    world: options.WorldArgument,
     method: Annotated[
-        str, option("--method", "NAME", "paper: Algorithm 2 as published; se2: trailmark's own.", default=True)
+        str, option("--method", "NAME", "paper (Algorithm 2 as published) or se2 (trailmark's own).", default=True)
     ] = "paper",
-    count: Annotated[str | None, option("-k", "K", "Number of landmarks; default: by the sensor's range.")] = None,
-    samples: Annotated[str, option("-n", "N", "Number of points drawn.", default=True)] = "1000",
+    count: Annotated[
+        str | None, option("-k", "K", "Number of landmarks; default: chosen from the sensor's range.")
+    ] = None,
+    samples: Annotated[str, option("-n", "N", "Number of sampled points.", default=True)] = "1000",
     init: Annotated[
-        str, option("--init", "NAME", "First centres: forgy, random-partition or k-means++.", default=True)
+        str,
+        option("--init", "NAME", "Initial K-means centres: forgy, random-partition or k-means++.", default=True),
     ] = "forgy",
-    runs: Annotated[str, option("--runs", "N", "Executions, each with its own readings.", default=True)] = "3",
-    seed: SeedOption = "0",
+    runs: Annotated[str, option("--runs", "N", "Number of executions, with independent noise.", default=True)] = "3",
+    seed: options.SeedOption = "0",
     sensor_range: Annotated[
-        str, option("--sensor-range", "METRES", "How far the robot senses.", default=True)
+        str, option("--sensor-range", "METRES", "Range of the robot's sensor.", default=True)
     ] = f"{SENSOR_RANGE:g}",
     grow_boxes: Annotated[
-        bool | None,
-        typer.Option(
-            "--grow-boxes/--no-grow-boxes",
-            help="Grow the obstacles' boxes by the robot's inscribed disc; default: in environment2, as published.",
-            show_default=False,
-        ),
-    ] = None,
-    robot: RobotOption = None,
-    plot: PlotOption = None,
-    as_json: JsonOption = False,
+        bool, typer.Option("--grow-boxes", help="Grow the obstacles' boxes by the robot's inscribed radius.")
+    ] = False,
+    robot: options.RobotOption = None,
+    plot: options.PlotOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
-    """Place landmarks, several times over, and print what each execution comes to and how much they differ.
+    """Place landmarks by K-means and show how they vary from run to run.
 
-    For the world's first queries, the shortest paths over the first execution's own landmarks and certified edges
-    follow. --plot draws the workspace, the C-space, the executions and these paths.
+    Also plans over the first run's landmarks for the world's first queries. --plot draws each step.
     """
     if method not in METHODS:
         raise UsageError(f"expected {', '.join(METHODS)}, got --method {method!r}")
@@ -96,21 +69,21 @@ def landmarks(
         raise UsageError(f"expected {', '.join(INITIALISATIONS)}, got --init {init!r}")
     if method == "se2" and init != "forgy":
         raise UsageError(f"--init {init!r} given with --method se2; expected forgy")
-    if method == "se2" and grow_boxes is not None:
-        raise UsageError(f"--{'' if grow_boxes else 'no-'}grow-boxes given with --method se2, which has no boxes")
-    n = read_count(samples, "-n", 1, MAX_SAMPLES)
-    k = None if count is None else read_count(count, "-k", 1, MAX_LANDMARKS)
-    number, repeats = read_count(seed, "--seed", 0), read_count(runs, "--runs", 1, MAX_RUNS)
-    reach = read_length(sensor_range, "--sensor-range")
-    given = read_robot(robot)
-    picture = output_file(plot, PICTURE_SUFFIXES)
+    if method == "se2" and grow_boxes:
+        raise UsageError("--grow-boxes given with --method se2, which has no boxes")
+    n = options.read_count(samples, "-n", 1, MAX_SAMPLES)
+    k = None if count is None else options.read_count(count, "-k", 1, MAX_LANDMARKS)
+    number, repeats = options.read_count(seed, "--seed", 0), options.read_count(runs, "--runs", 1, MAX_RUNS)
+    reach = options.read_length(sensor_range, "--sensor-range")
+    given = options.read_robot(robot)
+    picture = options.output_file(plot, options.PICTURE_SUFFIXES)
 
     with console.progress("loading") as progress:
         begun = perf_counter()
-        loaded = load_world(world)
-        protect_inputs((*loaded.sources, *robot_file(robot)), picture)
-        body = robot_of(loaded, given)
-        loaded = grown_for(loaded, body)
+        loaded = options.load_world(world)
+        options.protect_inputs((*loaded.sources, *options.robot_file(robot)), picture)
+        body = options.robot_of(loaded, given)
+        loaded = options.grown_for(loaded, body)
 
         import numpy as np
 
@@ -121,7 +94,6 @@ def landmarks(
         progress.stage("preparing (compiles on first use)")
         checker = StateChecker(loaded, body)
         start = np.array(loaded.queries[0].start) if loaded.queries else None
-        grown = method == "paper" and (loaded.name in GROWN if grow_boxes is None else grow_boxes)
         if k is None:
             progress.stage("choosing the number of landmarks")
             k = _count_for(checker, reach, start, headings=method == "se2", seed=number)
@@ -135,7 +107,8 @@ def landmarks(
                     *(checker, n, k, init, rng),  # type: ignore[arg-type]  # init is one of INITIALISATIONS
                     start=start,
                     sensor_range=reach,
-                    grown=grown,
+                    grown=grow_boxes,
+                    on_progress=follow,
                 )
                 executions.append(found)
             else:
@@ -143,12 +116,7 @@ def landmarks(
         spread = spread_of_runs([execution.centres[:, :2] for execution in executions])
         record = _record(loaded, body, executions, spread)
         record |= {"method": method, "init": init, "n": n, "k": k, "seed": number, "sensor_range": reach}
-        record["grown"] = grown
-        record["published"] = [
-            {"forbidden": forbidden, "valid": valid}
-            for forbidden, valid in PUBLISHED.get((loaded.name, n, k), ())
-            if method == "paper"
-        ]
+        record["grown"] = grow_boxes
         planned = _paths(checker, executions[0].repaired, loaded.queries[:PATHS], number, progress)
         record["paths"] = [
             {"query": query.name, "cost": None if path is None else path.cost} for query, _, path in planned
@@ -240,18 +208,14 @@ def _print_table(record: dict[str, Any], picture: Path | None) -> None:
     console.say(
         f"{record['world']} · {record['method']}: {record['k']:,} landmarks from {record['n']:,} points", bold=True
     )
-    published = record["published"]
     head = ["RUN", "FORBIDDEN", "VALID", "INERTIA", "ITERATIONS", "IN OBSTACLE", "INVALID", "REPAIRED", "TIME"]
-    rows = [[*head, "PUBLISHED"] if published else head]
+    rows = [head]
     for run in record["runs"]:
         iterations = "-" if run["iterations"] is None else f"{run['iterations']:,}"
         row = [f"{run['run'] + 1}", f"{run['forbidden']:,}", f"{run['valid']:,}", f"{run['inertia']:.6g} m²"]
         row += [f"{iterations} batches" if run["mini_batches"] else iterations]
         row += [f"{run['in_obstacle']}", f"{run['invalid']}", f"{run['repaired_valid']} valid"]
         row.append(f"{1e3 * run['time']:.1f} ms")
-        if published:
-            there = published[run["run"]] if run["run"] < len(published) else None
-            row.append(f"{there['forbidden']} / {there['valid']}" if there else "")
         rows.append(row)
     console.print_table(rows, indent="  ")
     spread = record["spread"]

@@ -1,4 +1,4 @@
-"""``trailmark live``: a world in the browser, whose certified path follows what is dragged."""
+"""``trailmark live``: a world in the browser, whose certified path follows the dragged objects."""
 
 from __future__ import annotations
 
@@ -11,17 +11,8 @@ from urllib.parse import quote
 
 import typer
 
-from trailmark.cli import console
-from trailmark.cli.options import (
-    RobotOption,
-    SeedOption,
-    UsageError,
-    load_world,
-    option,
-    read_count,
-    read_robot,
-    robot_of,
-)
+from trailmark.cli import console, options
+from trailmark.cli.options import UsageError, option
 
 __all__ = ["live"]
 
@@ -29,22 +20,31 @@ __all__ = ["live"]
 def live(
     world: Annotated[
         str,
-        typer.Argument(metavar="WORLD", help="Any file that plan reads, or a shipped world's name."),
+        typer.Argument(metavar="WORLD", help="World file, as for plan, or name of a shipped world."),
     ] = "office",
-    robot: RobotOption = None,
+    robot: options.RobotOption = None,
     host: Annotated[
-        str, option("--host", "ADDRESS", "To listen at; another than this machine needs a token.", default=True)
+        str,
+        option("--host", "ADDRESS", "Address to listen on; other than this machine it needs --token.", default=True),
     ] = "127.0.0.1",
-    port: Annotated[str, option("--port", "N", "To listen at; 0 takes a free one.", default=True)] = "8765",
-    token: Annotated[str | None, option("--token", "TEXT", "Without which nobody is answered.")] = None,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address, and open nothing.")] = False,
-    seed: SeedOption = "0",
+    port: Annotated[str, option("--port", "N", "Port to listen on; 0 picks a free one.", default=True)] = "8765",
+    token: Annotated[
+        str | None, option("--token", "TEXT", "Secret that the browser must send; part of the printed address.")
+    ] = None,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
+    ] = False,
+    seed: options.SeedOption = "0",
 ) -> None:
-    """Show a world in the browser: drag start, goal and obstacles, and the certified path follows.
+    """Open a world in the browser, where start, goal and obstacles can be dragged.
 
     Prints one line with the address once it listens; Ctrl-C ends it. Needs the extra 'live'.
     """
-    number, place, given = read_count(seed, "--seed", 0), read_count(port, "--port", 0, 65535), read_robot(robot)
+    number, place, given = (
+        options.read_count(seed, "--seed", 0),
+        options.read_count(port, "--port", 0, 65535),
+        options.read_robot(robot),
+    )
     if token is not None and (not token.isascii() or not token.isprintable() or not 8 <= len(token) <= 200):
         raise UsageError(f"expected 8 to 200 letters, digits and signs, got --token {token!r}")
     if not all(map(find_spec, ("starlette", "uvicorn", "websockets"))):
@@ -54,10 +54,10 @@ def live(
 
     with listen(host, place, token) as listening:
         with console.progress("loading") as progress:
-            loaded = load_world(world)
-            body = robot_of(loaded, given)
+            loaded = options.load_world(world)
+            body = options.robot_of(loaded, given)
             progress.stage("preparing (compiles on first use)")
-            # Loads what is compiled, and says what is wrong with the world before anybody is answered.
+            # Loads the kernels, and reports errors of the world before the first request.
             LandmarkPlanner(loaded, body, seed=number)
         address = f"http://{f'[{host}]' if ':' in host else host}:{listening.getsockname()[1]}/"
         if token is not None:

@@ -1,58 +1,19 @@
-"""Arguments and options that several commands share, and how their words are read."""
+"""Arguments and options that several commands share. What reads them raises a TrailmarkError or UsageError."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from trailmark.cli import console
 
 if TYPE_CHECKING:
-    from trailmark.layers import Layers
     from trailmark.world import Robot, World
-
-__all__ = [
-    "PICTURE_SUFFIXES",
-    "ClearanceOption",
-    "Configuration",
-    "DriveOption",
-    "ForwardOnlyOption",
-    "FrameOption",
-    "JsonOption",
-    "LayersOption",
-    "PlotOption",
-    "RelaxOption",
-    "RobotOption",
-    "SeedOption",
-    "TimeLimitOption",
-    "TurningRadiusOption",
-    "UsageError",
-    "WorldArgument",
-    "grown_for",
-    "load_world",
-    "option",
-    "output_file",
-    "protect_inputs",
-    "read_clearance",
-    "read_configuration",
-    "read_count",
-    "read_duration",
-    "read_frame",
-    "read_layers",
-    "read_length",
-    "read_number",
-    "read_robot",
-    "read_turning_radius",
-    "robot_file",
-    "robot_of",
-    "steered",
-]
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
 Configuration = tuple[float, float, float]
@@ -65,17 +26,16 @@ UsageError: Any = typer.BadParameter.__mro__[1]
 
 def option(name: str, metavar: str, help: str, *aliases: str, default: bool = False) -> Any:  # noqa: A002  # typer's name
     """Return an option that takes a text, for ``Annotated``; ``default`` says whether the help shows its default."""
-    help = re.sub(r"(?=\[[a-z])", r"\\", help)  # noqa: A001  # to rich, a bracket and a letter begin a style
     return typer.Option(*aliases, name, metavar=metavar, help=help, show_default=default)
 
 
-# Numbers come as words and are read below, for typer's own messages do not say what was given.
+# Numbers come as words and are read below: typer's own messages do not quote them.
 WorldArgument = Annotated[
     str,
     typer.Argument(
         metavar="WORLD",
         show_default=False,
-        help="A world file (trailmark YAML, nav2 map YAML, MovingAI .map, OMPL.app .cfg) or a shipped world's name.",
+        help="World file (trailmark YAML, nav2 map YAML, MovingAI .map, OMPL.app .cfg) or name of a shipped world.",
     ),
 ]
 RobotOption = Annotated[
@@ -83,51 +43,91 @@ RobotOption = Annotated[
     option(
         "--robot",
         "SHAPE",
-        "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or '[[x, y], ...]' in metres, or a .yaml file "
-        "(a robot's, a world's, nav2's parameters), instead of the world's.",
+        "Footprint in metres, instead of the world's robot: disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y, "
+        "nav2's '[[x, y], ...]', or a .yaml file (of a robot, a world, or nav2's parameters).",
     ),
 ]
-TimeLimitOption = Annotated[str, option("--time-limit", "SECONDS", "Time for one query.", default=True)]
-SeedOption = Annotated[str, option("--seed", "N", "Seed of all random choices.", default=True)]
+TimeLimitOption = Annotated[str, option("--time-limit", "SECONDS", "Planning time.", default=True)]
+SeedOption = Annotated[str, option("--seed", "N", "Random seed.", default=True)]
 TurningRadiusOption = Annotated[
-    str | None,
-    option(
-        "--turning-radius",
-        "METRES",
-        "The robot is a car that turns on circles of this radius, instead of moving in every direction.",
-    ),
+    str | None, option("--turning-radius", "METRES", "Minimum turning radius; makes the robot a car.")
 ]
 DriveOption = Annotated[
     str | None,
-    option("--drive", "NAME", "omnidirectional, differential (turns in place, drives ahead) or car."),
+    option("--drive", "NAME", "omnidirectional, differential (turns in place, drives along its heading) or car."),
 ]
 ForwardOnlyOption = Annotated[
-    bool, typer.Option("--forward-only", help="The car, or differential drive, does not drive backwards.")
+    bool, typer.Option("--forward-only", help="Never drive in reverse (car or differential drive).")
+]
+KeepoutOption = Annotated[
+    str | None, option("--keepout", "MASK.yaml", "nav2 keep-out mask; occupied cells become keep-out zones.")
+]
+SpeedMaskOption = Annotated[
+    str | None,
+    option(
+        "--speed-mask", "MASK.yaml", "nav2 speed mask; cells become speed limits, percentages of --max-speed or 1 m/s."
+    ),
 ]
 FrameOption = Annotated[
-    str, option("--frame-id", "NAME", "The coordinate frame that messages and GeoJSON name.", default=True)
-]
-ClearanceOption = Annotated[
-    str | None, option("--clearance", "METRES", "Keep so far from obstacles and bounds, all along the path.")
-]
-RelaxOption = Annotated[
-    bool, typer.Option("--relax", help="Where no path keeps the --clearance: as much of it as there is.")
+    str, option("--frame-id", "NAME", "Coordinate frame named in messages and GeoJSON.", default=True)
 ]
 PlotOption = Annotated[str | None, option("--plot", "FILE", "Write a picture: .png, .svg or .pdf.")]
-LayersOption = Annotated[
-    str | None,
-    option("--layers", "NAMES", "What the picture shows, such as obstacles,path,ends; default: all but clearance."),
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object on stdout.")]
+StartOption = Annotated[
+    str | None, option("--start", "X,Y,T", "Start pose in metres and radians; degrees as in 1,2,90deg.")
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")]
+
+
+class RobotOptions(NamedTuple):
+    """The options ``--robot``, ``--turning-radius``, ``--forward-only`` and ``--drive``."""
+
+    robot: Robot | None
+    files: tuple[Path, ...]
+    turning_radius: float | None
+    forward_only: bool
+    drive: str | None
+
+    @classmethod
+    def read(
+        cls,
+        robot: str | None,
+        turning_radius: str | None = None,
+        forward_only: bool = False,
+        drive: str | None = None,
+    ) -> RobotOptions:
+        """Return the options, read before the world is."""
+        radius = None
+        if turning_radius is not None:
+            expected = f"a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
+            radius = read_number(turning_radius, "--turning-radius", expected, above=0.0, high=MAX_TURNING_RADIUS)
+        return cls(read_robot(robot), robot_file(robot), radius, forward_only, drive)
+
+    def robot_in(self, world: World) -> Robot:
+        """Return the robot that was given, else the world's, with the drive and turning radius that were given."""
+        return self.steered(robot_of(world, self.robot))
+
+    def steered(self, robot: Robot) -> Robot:
+        """Return a robot with the drive and turning radius that were given."""
+        radius = robot.turning_radius if self.turning_radius is None else self.turning_radius
+        if self.drive is not None:
+            # A car's radius means nothing to another drive, unless it is given.
+            kept = radius if self.drive == "car" else self.turning_radius
+            reverse = robot.reverse if self.drive == robot.drive else None
+            given: Any = {"turning_radius": kept, "reverse": reverse, "drive": self.drive}
+            robot, radius = replace(robot, **given), kept
+        if self.forward_only and robot.drive == "differential" and radius is None:
+            return robot.differential()
+        if self.forward_only and radius is None:
+            raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
+        if radius is None:
+            return robot
+        return robot.steered(radius, (robot.reverse or robot.drive != "car") and not self.forward_only)
 
 
 def read_configuration(text: str, option: str) -> Configuration:
     """Return the configuration that an option gives as ``X,Y,T``; T is in radians, or in degrees as in ``90deg``.
 
     A heading in radians beyond a full turn is warned of.
-
-    Raises:
-        UsageError: anything but three finite numbers.
     """
     from trailmark.arguments import angle
 
@@ -139,21 +139,19 @@ def read_configuration(text: str, option: str) -> Configuration:
     if not all(map(math.isfinite, (x, y, theta))):
         allowed = "finite numbers (metres, metres, radians, or degrees such as 90deg)"
         raise UsageError(f"expected X,Y,T, {allowed}, got {option} {text!r}")
-    if abs(theta) > 2.0 * math.pi and "deg" not in heading:
-        console.warn(
-            f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, give {heading}deg"
-        )
+    if abs(theta) > 2.0 * math.pi:
+        if "deg" not in heading:
+            console.warn(
+                f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, give {heading}deg"
+            )
+        theta = math.remainder(theta, 2.0 * math.pi)  # else it is warned of again where it is used
     return x, y, theta
 
 
 def read_number(
     text: str, option: str, expected: str, *, above: float = -math.inf, low: float = -math.inf, high: float = math.inf
 ) -> float:
-    """Return the finite number above ``above`` and from ``low`` to ``high`` that an option gives.
-
-    Raises:
-        UsageError: anything else; ``expected`` says what is.
-    """
+    """Return the finite number above ``above`` and from ``low`` to ``high`` that an option gives."""
     try:
         number = float(text)
     except ValueError:
@@ -163,48 +161,18 @@ def read_number(
     return number
 
 
-def read_layers(text: str | None, plot: str | None) -> Layers:
-    """Return what a picture is to show.
-
-    Raises:
-        TrailmarkError: an unknown layer, or layers without a picture.
-    """
-    from trailmark.layers import ALL, Layers
-
-    if text is not None and plot is None:
-        raise UsageError(f"--layers {text!r} given without --plot; expected both or neither")
-    return ALL if text is None else Layers.parse(text)
-
-
 def read_duration(text: str, option: str) -> float:
-    """Return the seconds that an option gives; :func:`read_number` says what it raises."""
+    """Return the seconds that an option gives."""
     return read_number(text, option, "a finite number of seconds above 0", above=0.0)
 
 
 def read_length(text: str, option: str) -> float:
-    """Return the metres that an option gives; :func:`read_number` says what it raises."""
+    """Return the metres that an option gives."""
     return read_number(text, option, "a finite number of metres above 0", above=0.0)
 
 
-def read_clearance(text: str | None, relax: bool) -> float | None:
-    """Return the metres that ``--clearance`` gives; None for None.
-
-    Raises:
-        UsageError: no number of 0 or more, or ``--relax`` without it.
-    """
-    if text is not None:
-        return read_number(text, "--clearance", "metres, from 0 to 1e7", low=0.0, high=1e7)
-    if relax:
-        raise UsageError("--relax given without --clearance; expected both or neither")
-    return None
-
-
 def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
-    """Return the integer from ``low`` to ``high`` that an option gives; by default the range of numpy's seeds.
-
-    Raises:
-        UsageError: anything else.
-    """
+    """Return the integer from ``low`` to ``high`` that an option gives; by default the range of numpy's seeds."""
     try:
         count = int(text)
     except ValueError:
@@ -214,24 +182,21 @@ def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
     return count
 
 
-def read_frame(text: str) -> str:
-    """Return the name of a coordinate frame.
+def read_probability(text: str, option: str) -> float:
+    """Return the probability, above 0 and below 1, that an option gives."""
+    below = math.nextafter(1.0, 0.0)
+    return read_number(text, option, "a probability above 0 and below 1", above=0.0, high=below)
 
-    Raises:
-        UsageError: an empty one, or one with blanks or control characters.
-    """
+
+def read_frame(text: str) -> str:
+    """Return the name of a coordinate frame."""
     if not text or any(c.isspace() or not c.isprintable() for c in text):
         raise UsageError(f"expected a name without blanks, such as map, got --frame-id {text!r}")
     return text
 
 
 def read_robot(text: str | None) -> Robot | None:
-    """Return the robot that ``--robot`` describes, or that the YAML file it names holds; None for None.
-
-    Raises:
-        ShapeError: a description that cannot be read.
-        FormatError: a file that cannot be read, or that holds no robot.
-    """
+    """Return the robot that ``--robot`` describes, or that the YAML file it names holds; None for None."""
     if text is None:
         return None
     from trailmark.robot import Robot
@@ -244,42 +209,10 @@ def robot_file(text: str | None) -> tuple[Path, ...]:
     return (Path(text),) if text is not None and text.lower().endswith((".yaml", ".yml")) else ()
 
 
-def read_turning_radius(text: str | None) -> float | None:
-    """Return the turning radius (metres) that ``--turning-radius`` gives; None for None."""
-    if text is None:
-        return None
-    expected = f"a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
-    return read_number(text, "--turning-radius", expected, above=0.0, high=MAX_TURNING_RADIUS)
-
-
-def steered(robot: Robot, turning_radius: float | None, forward_only: bool, drive: str | None = None) -> Robot:
-    """Return the robot with what ``--turning-radius``, ``--forward-only`` and ``--drive`` say.
-
-    Raises:
-        UsageError: ``--forward-only`` for a robot without turning radius.
-        ShapeError: no such drive, or one that does not go with the turning radius.
-    """
-    radius = robot.turning_radius if turning_radius is None else turning_radius
-    if drive is not None:
-        # A car's radius is nothing to another drive, unless it is given.
-        kept = radius if drive == "car" else turning_radius
-        reverse = robot.reverse if drive == robot.drive else None
-        given: Any = {"turning_radius": kept, "reverse": reverse, "drive": drive}
-        robot, radius = replace(robot, **given), kept
-    if forward_only and robot.drive == "differential" and radius is None:
-        return robot.differential()
-    if forward_only and radius is None:
-        raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
-    if radius is None:
-        return robot
-    return robot.steered(radius, (robot.reverse or robot.drive != "car") and not forward_only)
-
-
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
     """Return the file to be written, once its suffix is known and it can be written; None for None.
 
-    Raises:
-        OutputError: another suffix, or a file that cannot be written.
+    Without suffixes, the function that writes the file checks an existing one.
     """
     if text is None:
         return None
@@ -291,12 +224,8 @@ def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
 
 
 def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
-    """Raise if an output is one of the files read, or another output; to be asked before long work.
-
-    Raises:
-        OutputError: it is.
-    """
-    from trailmark.formats.files import require_not_an_input
+    """Raise if an output is one of the files read, or another output; to be asked before long work."""
+    from trailmark.formats.outputs import require_not_an_input
 
     read, written = tuple(inputs), set[Path]()
     for file in filter(None, outputs):
@@ -306,11 +235,14 @@ def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
         written.add(file.resolve())
 
 
-def load_world(text: str) -> World:
-    """Return the world of that file, or the shipped world of that name.
+def load_world(text: str, keepout: str | None = None, speed: str | None = None, max_speed: float = 1.0) -> World:
+    """Return the world of that file, or the shipped world of that name, with the zones of nav2's masks.
 
-    Raises:
-        TrailmarkError: there is none, or the file does not hold what it should.
+    Args:
+        text: file or name.
+        keepout: file of a keep-out mask.
+        speed: file of a speed mask.
+        max_speed: metres per second that the speed mask's percentages refer to.
     """
     from trailmark.formats.nav2_map import unknown_taken_for_free
     from trailmark.world import World
@@ -318,7 +250,9 @@ def load_world(text: str) -> World:
     world = World.load(text)
     if problem := unknown_taken_for_free(world.sources):
         console.warn(problem)
-    return world
+    if keepout is not None:
+        world = world.with_mask(keepout, "keep-out")
+    return world if speed is None else world.with_mask(speed, "speed", max_speed=max_speed)
 
 
 def grown_for(world: World, robot: Robot) -> World:
@@ -335,11 +269,7 @@ def grown_for(world: World, robot: Robot) -> World:
 
 
 def robot_of(world: World, given: Robot | None) -> Robot:
-    """Return the robot that was given, else the world's own.
-
-    Raises:
-        UsageError: there is neither.
-    """
+    """Return the robot that was given, else the world's own."""
     robot = given or world.robot
     if robot is None:
         shapes = "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)"

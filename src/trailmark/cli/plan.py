@@ -14,63 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from trailmark.cli import console
-from trailmark.cli.ends import EndOptions, GoalOption, GoalToleranceOption, StartOption
-from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
-from trailmark.cli.options import (
-    PICTURE_SUFFIXES,
-    ClearanceOption,
-    DriveOption,
-    ForwardOnlyOption,
-    FrameOption,
-    JsonOption,
-    LayersOption,
-    PlotOption,
-    RelaxOption,
-    RobotOption,
-    SeedOption,
-    TimeLimitOption,
-    TurningRadiusOption,
-    WorldArgument,
-    grown_for,
-    load_world,
-    option,
-    output_file,
-    protect_inputs,
-    read_clearance,
-    read_count,
-    read_duration,
-    read_frame,
-    read_layers,
-    read_number,
-    read_robot,
-    read_turning_radius,
-    robot_file,
-    robot_of,
-    steered,
-)
-from trailmark.cli.plan_objective import (
-    DirectionChangeCostOption,
-    ObjectiveOption,
-    ReverseCostOption,
-    objective_rows,
-    read_objective,
-)
-from trailmark.cli.plan_trajectory import (
-    AnimateOption,
-    MaxAccelerationOption,
-    MaxSpeedOption,
-    MaxTurnAccelerationOption,
-    MaxTurnRateOption,
-    SmoothOption,
-    StepOption,
-    TrajectoryOption,
-    read_step,
-    read_timing,
-    smoothed,
-    trajectory_rows,
-    with_step,
-)
+from trailmark.cli import console, options, plan_options
+from trailmark.cli.options import UsageError, option
 
 if TYPE_CHECKING:
     from trailmark.path import Path as TrailPath
@@ -84,85 +29,94 @@ MAX_LANDMARKS = 200_000  # half a minute
 
 
 def plan(
-    world: WorldArgument,
-    robot: RobotOption = None,
-    keepout: KeepoutOption = None,
-    speed_mask: SpeedMaskOption = None,
-    turning_radius: TurningRadiusOption = None,
-    forward_only: ForwardOnlyOption = False,
-    drive: DriveOption = None,
-    query: Annotated[str | None, option("--query", "NAME", "A query of the world; default: its first.")] = None,
-    start: StartOption = None,
-    goal: GoalOption = None,
-    goal_tolerance: GoalToleranceOption = None,
-    time_limit: TimeLimitOption = "1.0",
-    objective: ObjectiveOption = None,
-    reverse_cost: ReverseCostOption = None,
-    direction_change_cost: DirectionChangeCostOption = None,
-    clearance: ClearanceOption = None,
-    relax: RelaxOption = False,
-    seed: SeedOption = "0",
-    landmarks: Annotated[str | None, option("--landmarks", "K", "Number of landmarks; default: by the world.")] = None,
+    world: options.WorldArgument,
+    robot: options.RobotOption = None,
+    keepout: options.KeepoutOption = None,
+    speed_mask: options.SpeedMaskOption = None,
+    turning_radius: options.TurningRadiusOption = None,
+    forward_only: options.ForwardOnlyOption = False,
+    drive: options.DriveOption = None,
+    query: Annotated[str | None, option("--query", "NAME", "Name of a query of the world; default: the first.")] = None,
+    start: options.StartOption = None,
+    goal: plan_options.GoalOption = None,
+    goal_tolerance: plan_options.GoalToleranceOption = None,
+    time_limit: options.TimeLimitOption = "1.0",
+    objective: plan_options.ObjectiveOption = None,
+    reverse_cost: plan_options.ReverseCostOption = None,
+    direction_change_cost: plan_options.DirectionChangeCostOption = None,
+    clearance: plan_options.ClearanceOption = None,
+    relax: plan_options.RelaxOption = False,
+    seed: options.SeedOption = "0",
+    landmarks: Annotated[str | None, option("--landmarks", "K", "Number of landmarks; default: by world.")] = None,
     gap: Annotated[
         str,
-        option("--gap", "SHARE", "End once the path is proven to be this near the optimum: 0.01 is 1 %.", default=True),
+        option(
+            "--gap", "SHARE", "Stop once the cost is proven within this share of the optimum (0.01: 1 %).", default=True
+        ),
     ] = "0.0001",
     max_iterations: Annotated[
         str | None,
         option(
             "--max-iterations",
             "N",
-            "Rounds of landmarks at most; with a generous time limit the seed alone then decides the path.",
+            "Maximum number of planning rounds; with time enough for them, the same seed gives the same path.",
         ),
     ] = None,
-    settings: Annotated[
-        str | None, option("--settings", "FILE.yaml", "Lines 'name: value' of the planner's settings.")
+    confidence: Annotated[
+        str | None,
+        option(
+            "--confidence",
+            "P",
+            "In a world with estimates: the path meets none of the true obstacles with probability P; what may be "
+            "risked is spent along this path.",
+        ),
     ] = None,
+    settings: Annotated[str | None, option("--settings", "FILE.yaml", "Planner settings, lines 'name: value'.")] = None,
     output: Annotated[
         str | None,
         option(
             "--output",
             "FILE",
-            "Write the path: .json (the whole record), .csv, rows 'x y theta' (.path, .txt), nav_msgs/Path (.yaml, "
-            ".nav2.json), or .geojson.",
+            "Write the path: .json (the full result), .csv, .path or .txt (rows 'x y theta'), .yaml or .nav2.json "
+            "(nav_msgs/Path), or .geojson.",
         ),
     ] = None,
-    frame_id: FrameOption = "map",
-    plot: PlotOption = None,
-    layers: LayersOption = None,
-    smooth: SmoothOption = False,
-    step: StepOption = None,
-    trajectory: TrajectoryOption = None,
-    animate: AnimateOption = None,
-    max_speed: MaxSpeedOption = None,
-    max_acceleration: MaxAccelerationOption = None,
-    max_turn_rate: MaxTurnRateOption = None,
-    max_turn_acceleration: MaxTurnAccelerationOption = None,
-    as_json: JsonOption = False,
+    frame_id: options.FrameOption = "map",
+    plot: options.PlotOption = None,
+    layers: plan_options.LayersOption = None,
+    smooth: plan_options.SmoothOption = False,
+    step: plan_options.StepOption = None,
+    trajectory: plan_options.TrajectoryOption = None,
+    animate: plan_options.AnimateOption = None,
+    max_speed: plan_options.MaxSpeedOption = None,
+    max_acceleration: plan_options.MaxAccelerationOption = None,
+    max_turn_rate: plan_options.MaxTurnRateOption = None,
+    max_turn_acceleration: plan_options.MaxTurnAccelerationOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
-    """Plan a path, and write, draw or print it.
+    """Plan a path in a world.
 
-    Exit status: 0 path found, 2 bad input, 3 no path within the time limit, 4 proven that there is none, 130 Ctrl-C,
-    after which the best path so far is written and printed.
+    Exit status: 0 path found, 2 bad input, 3 no path found within the time limit, 4 proven infeasible, 130 stopped by
+    Ctrl-C, which writes and prints the best path so far.
     """
     # Planning multiplies no matrices that would be worth sharing out: starting the threads takes longer, a tenth of a
     # second. OpenBLAS asks once, when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from trailmark.formats import path_files
 
-    limit = read_duration(time_limit, "--time-limit")
-    number = read_count(seed, "--seed", 0)
-    count = None if landmarks is None else read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
-    rounds = None if max_iterations is None else read_count(max_iterations, "--max-iterations", 1)
-    share = read_number(gap, "--gap", "a finite number of 0 or more", low=0.0)
-    margin = read_clearance(clearance, relax)
-    given = read_robot(robot)
-    radius = read_turning_radius(turning_radius)
-    given_ends = EndOptions.read(query, start, goal, goal_tolerance)
-    path_file, frame = output_file(output, path_files.SUFFIXES), read_frame(frame_id)
-    picture = output_file(plot, PICTURE_SUFFIXES)
-    spacing = read_step(step, path_file)
-    timing = read_timing(
+    limit = options.read_duration(time_limit, "--time-limit")
+    number = options.read_count(seed, "--seed", 0)
+    count = None if landmarks is None else options.read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
+    rounds = None if max_iterations is None else options.read_count(max_iterations, "--max-iterations", 1)
+    probability = None if confidence is None else options.read_probability(confidence, "--confidence")
+    share = options.read_number(gap, "--gap", "a finite number of 0 or more", low=0.0)
+    margin = plan_options.read_clearance(clearance, relax)
+    given = options.RobotOptions.read(robot, turning_radius, forward_only, drive)
+    given_ends = plan_options.EndOptions.read(query, start, goal, goal_tolerance)
+    path_file, frame = options.output_file(output, path_files.SUFFIXES), options.read_frame(frame_id)
+    picture = options.output_file(plot, options.PICTURE_SUFFIXES)
+    spacing = plan_options.read_step(step, path_file)
+    timing = plan_options.read_timing(
         trajectory,
         animate,
         max_speed,
@@ -171,16 +125,19 @@ def plan(
         max_turn_acceleration,
         needed=speed_mask is not None or objective not in (None, "length"),
     )
-    charges = read_objective(objective, timing, reverse_cost, direction_change_cost)
+    charges = plan_options.read_objective(objective, timing, reverse_cost, direction_change_cost)
     outputs = (path_file, picture, timing.table, timing.animation)
-    shown, asked = read_layers(layers, plot), Event()
+    if smooth and probability is not None:
+        raise UsageError(f"expected --smooth or --confidence, got both (--confidence {confidence!r})")
+    shown, asked = plan_options.read_layers(layers, plot), Event()
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
-        loaded = with_masks(load_world(world), keepout, speed_mask, timing.limits[0])
-        protect_inputs((*loaded.sources, *robot_file(robot)), *outputs)
-        body = steered(robot_of(loaded, given), radius, forward_only, drive)
-        loaded = grown_for(loaded, body)
+        loaded = options.load_world(world, keepout, speed_mask, timing.limits[0])
+        options.protect_inputs((*loaded.sources, *given.files), *outputs)
+        body = given.robot_in(loaded)
+        if probability is None:
+            loaded = options.grown_for(loaded, body)
         name, a, b = given_ends.ends(loaded)
         loading = time.perf_counter() - begun
 
@@ -189,7 +146,7 @@ def plan(
 
         chosen = PlannerSettings() if settings is None else PlannerSettings.load(settings)
         if settings is not None:
-            protect_inputs((Path(settings),), *outputs)
+            options.protect_inputs((Path(settings),), *outputs)
 
         def follow(state: PlanProgress) -> None:
             progress.phase = state.phase
@@ -215,7 +172,8 @@ def plan(
 
         extras: dict[str, Any] = {}
         if smooth:
-            result, extras = smoothed(result, loaded, body)
+            result, found = plan_options.smoothed(result, loaded, body)
+            extras |= found
         record = result.to_dict(world=loaded.name, query=name) | extras
         record["settings"] = chosen.to_dict()
         record["time"]["load"] = loading
@@ -223,7 +181,7 @@ def plan(
         progress.stage("writing")
         written, found = timing.write(result, loaded, body, frame)
         record |= found
-        shaped = with_step(result.path, spacing, loaded, body)
+        shaped = plan_options.with_step(result.path, spacing, loaded, body)
         if path_file is not None and _write_path(path_file, shaped, record, frame, loaded, body):
             written.append(path_file)
         if picture is not None:
@@ -296,10 +254,10 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
             ("cost", f"{record['cost']:.4f}{_gap(record['cost'], record['lower_bound'])}"),
             ("length", f"{record['length']:.4f} m"),
             ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
-            *objective_rows(record),
+            *plan_options.objective_rows(record),
             *_curve_rows(result),
-            *trajectory_rows(record),
-            ("clearance", f"{record['min_clearance']:.4f} m at its least{_kept(result)}"),
+            *plan_options.trajectory_rows(record),
+            ("clearance", f"minimum {record['min_clearance']:.4f} m{_kept(result)}"),
             ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
         ]
     rows += [
@@ -316,10 +274,10 @@ def _numbers(values: tuple[float, ...]) -> str:
 
 
 def _kept(result: PlanResult) -> str:
-    """Return what clearance a path keeps for certain, and what none keeps, as far as it was asked for."""
+    """Return the certified clearance, and the bound on that of any path, if they were asked for."""
     if result.clearance_bound is not None:
-        return f"; keeps {result.clearance:.4f} m, and no path more than {result.clearance_bound:.4f} m"
-    return f"; keeps {result.clearance:g} m" if result.clearance > 0.0 else ""
+        return f"; certified {result.clearance:.4f} m, and no path keeps more than {result.clearance_bound:.4f} m"
+    return f"; certified {result.clearance:g} m" if result.clearance > 0.0 else ""
 
 
 def _curve_rows(result: PlanResult) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""``trailmark report``: a summary of what a benchmark's results database holds, and all of it as one HTML page."""
+"""``trailmark report``: a benchmark's results as a table and as an HTML page."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ __all__ = ["report"]
 
 def report(
     results: Annotated[
-        str, typer.Argument(metavar="RESULTS.db", help="A results database of trailmark benchmark.", show_default=False)
+        str, typer.Argument(metavar="RESULTS.db", help="Results database of trailmark benchmark.", show_default=False)
     ],
-    html: Annotated[str | None, option("--html", "FILE", "Write one page that works offline: .html or .htm.")] = None,
+    html: Annotated[str | None, option("--html", "FILE", "Write a self-contained HTML page: .html or .htm.")] = None,
 ) -> None:
     """Summarise benchmark results.
 
-    It reads the database only, so that it works on any machine, also while the benchmark is still running. Without a
-    file to write it prints the summary.
+    Prints a table; --html writes a page. The benchmark may still be running.
     """
     page = output_file(html, (".html", ".htm"))
     protect_inputs([Path(results)], page)

@@ -8,30 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from trailmark.cli import console
-from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
-from trailmark.cli.options import (
-    DriveOption,
-    ForwardOnlyOption,
-    FrameOption,
-    JsonOption,
-    RobotOption,
-    SeedOption,
-    TurningRadiusOption,
-    WorldArgument,
-    grown_for,
-    load_world,
-    option,
-    output_file,
-    protect_inputs,
-    read_count,
-    read_frame,
-    read_robot,
-    read_turning_radius,
-    robot_file,
-    robot_of,
-    steered,
-)
+from trailmark.cli import console, options
+from trailmark.cli.options import option
 
 __all__ = ["roadmap"]
 
@@ -40,41 +18,41 @@ SUFFIXES = (".geojson", ".graphml", ".npz")  # those of trailmark.roadmap.files
 
 
 def roadmap(
-    world: WorldArgument,
+    world: options.WorldArgument,
     output: Annotated[
         str,
         typer.Option(
             "--output",
             metavar="FILE",
             show_default=False,
-            help=".geojson (for nav2's route server), .graphml (networkx and others) or .npz (numpy; Roadmap.load).",
+            help="The file to write: .geojson (nav2's route server), .graphml (networkx) or .npz (Roadmap.load).",
         ),
     ],
-    robot: RobotOption = None,
-    keepout: KeepoutOption = None,
-    speed_mask: SpeedMaskOption = None,
-    turning_radius: TurningRadiusOption = None,
-    forward_only: ForwardOnlyOption = False,
-    drive: DriveOption = None,
+    robot: options.RobotOption = None,
+    keepout: options.KeepoutOption = None,
+    speed_mask: options.SpeedMaskOption = None,
+    turning_radius: options.TurningRadiusOption = None,
+    forward_only: options.ForwardOnlyOption = False,
+    drive: options.DriveOption = None,
     count: Annotated[str, option("-k", "K", "Number of landmarks.", default=True)] = "200",
-    seed: SeedOption = "0",
-    frame_id: FrameOption = "map",
-    as_json: JsonOption = False,
+    seed: options.SeedOption = "0",
+    frame_id: options.FrameOption = "map",
+    as_json: options.JsonOption = False,
 ) -> None:
-    """Spread landmarks over all free space, certify the motions between them, and write the roadmap.
+    """Write a roadmap of landmarks and certified motions over all free space.
 
-    GeoJSON holds certified motions only, in either direction in which they may be driven.
+    GeoJSON, for nav2's route server, holds the certified motions only, in each direction that may be driven.
     """
-    k, number = read_count(count, "-k", 1, MAX_LANDMARKS), read_count(seed, "--seed", 0)
-    given, radius, frame = read_robot(robot), read_turning_radius(turning_radius), read_frame(frame_id)
-    file = output_file(output, SUFFIXES)
+    k, number = options.read_count(count, "-k", 1, MAX_LANDMARKS), options.read_count(seed, "--seed", 0)
+    given, frame = options.RobotOptions.read(robot, turning_radius, forward_only, drive), options.read_frame(frame_id)
+    file = options.output_file(output, SUFFIXES)
     assert file is not None  # noqa: S101  # only an option that is not given has none
     with console.progress("loading") as progress:
         begun = perf_counter()
-        loaded = with_masks(load_world(world), keepout, speed_mask)
-        protect_inputs((*loaded.sources, *robot_file(robot)), file)
-        body = steered(robot_of(loaded, given), radius, forward_only, drive)
-        loaded = grown_for(loaded, body)
+        loaded = options.load_world(world, keepout, speed_mask)
+        options.protect_inputs((*loaded.sources, *given.files), file)
+        body = given.robot_in(loaded)
+        loaded = options.grown_for(loaded, body)
 
         from trailmark import LandmarkPlanner
 

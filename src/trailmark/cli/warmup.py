@@ -7,24 +7,19 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import typer
-
 from trailmark.cli import console
 from trailmark.cli.options import JsonOption
 
-__all__ = ["app"]
+__all__ = ["warmup"]
 
 KINDS = {"straight": "any shape", "translation": "discs", "curve": "cars", "differential": "differential drives"}
-"""What the kinds of motion are called in the names of the stages."""
-
-app = typer.Typer(help="Compile all kernels now, so that no later command has to.", invoke_without_command=True)
+"""Names of the kinds of motion in those of the stages."""
 
 
-@app.callback()
 def warmup(as_json: JsonOption = False) -> None:
-    """Compile all kernels now, so that no later command or program has to: a few minutes, once.
+    """Compile all kernels now instead of at first use; takes a few minutes, once.
 
-    What was compiled before is taken from the cache; after an interruption the command goes on where it was.
+    Kernels compiled before come from the cache; after an interruption the command continues.
     """
     from trailmark.compiled.cache import cache_contents
     from trailmark.compiled.side_by_side import compiled_side_by_side
@@ -64,7 +59,7 @@ def warmup(as_json: JsonOption = False) -> None:
 
 
 def _stages() -> dict[str, Callable[[], None]]:
-    """Return what is compiled, by name: each part for each kind of motion, and what asks for no kind."""
+    """Return the stages by name: each part for each kind of motion, and those of no kind."""
     from trailmark.exploration.warmup import warm_up_exploration
     from trailmark.planning.warmup import ROBOTS, warm_up
 

@@ -8,32 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from trailmark.cli import console
-from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
-from trailmark.cli.options import (
-    PICTURE_SUFFIXES,
-    JsonOption,
-    PlotOption,
-    RobotOption,
-    WorldArgument,
-    load_world,
-    output_file,
-    protect_inputs,
-    read_robot,
-    robot_file,
-)
+from trailmark.cli import console, options
 
 if TYPE_CHECKING:
     from trailmark.world import World
 
 __all__ = ["app"]
 
-app = typer.Typer(help="List the shipped worlds; show, draw and convert any world.", invoke_without_command=True)
+app = typer.Typer(invoke_without_command=True)
 
 
 @app.callback()
-def list_worlds(context: typer.Context, as_json: JsonOption = False) -> None:
-    """List the worlds that ship; show, draw and convert any world."""
+def list_worlds(context: typer.Context, as_json: options.JsonOption = False) -> None:
+    """List the shipped worlds; show and convert any world."""
     if context.invoked_subcommand is not None:
         return
     from trailmark import library
@@ -51,18 +38,18 @@ def list_worlds(context: typer.Context, as_json: JsonOption = False) -> None:
 
 @app.command("show")
 def show(
-    world: WorldArgument,
-    robot: RobotOption = None,
-    keepout: KeepoutOption = None,
-    speed_mask: SpeedMaskOption = None,
-    plot: PlotOption = None,
-    as_json: JsonOption = False,
+    world: options.WorldArgument,
+    robot: options.RobotOption = None,
+    keepout: options.KeepoutOption = None,
+    speed_mask: options.SpeedMaskOption = None,
+    plot: options.PlotOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
-    """Say what a world holds; --plot draws it."""
-    picture = output_file(plot, PICTURE_SUFFIXES)
+    """Show what a world contains; --plot draws it."""
+    picture = options.output_file(plot, options.PICTURE_SUFFIXES)
     with console.progress("loading") as progress:
-        loaded = with_masks(_load(world, robot), keepout, speed_mask)
-        protect_inputs((*loaded.sources, *robot_file(robot)), picture)
+        loaded = _load(world, robot, keepout, speed_mask)
+        options.protect_inputs((*loaded.sources, *options.robot_file(robot)), picture)
         if picture is not None:
             from trailmark.plotting import save_world_figure
 
@@ -97,34 +84,34 @@ def show(
 @app.command("convert")
 def convert(
     world: Annotated[
-        str, typer.Argument(metavar="IN", help="A world in any format that plan reads.", show_default=False)
+        str, typer.Argument(metavar="IN", help="World file in any format that plan reads.", show_default=False)
     ],
-    output: Annotated[str, typer.Argument(metavar="OUT", help="The trailmark YAML file to write.", show_default=False)],
-    robot: RobotOption = None,
-    keepout: KeepoutOption = None,
-    speed_mask: SpeedMaskOption = None,
+    output: Annotated[str, typer.Argument(metavar="OUT", help="trailmark YAML file to write.", show_default=False)],
+    robot: options.RobotOption = None,
+    keepout: options.KeepoutOption = None,
+    speed_mask: options.SpeedMaskOption = None,
 ) -> None:
-    """Write a world of any format as trailmark YAML."""
-    file = output_file(output, (".yaml", ".yml"))
+    """Convert a world of any format to trailmark YAML."""
+    file = options.output_file(output, (".yaml", ".yml"))
     assert file is not None  # noqa: S101  # only an option that is not given has none
     with console.progress("converting"):
-        loaded = with_masks(_load(world, robot), keepout, speed_mask)
-        protect_inputs((*loaded.sources, *robot_file(robot)), file)
+        loaded = _load(world, robot, keepout, speed_mask)
+        options.protect_inputs((*loaded.sources, *options.robot_file(robot)), file)
         loaded.save(file)
     console.note(f"{file}: {len(loaded.obstacles):,} obstacles, {len(loaded.queries):,} queries")
 
 
 @app.command("schema")
 def schema() -> None:
-    """Print the JSON Schema of world files, by which editors complete and check them."""
+    """Print the JSON Schema of world files, for editors."""
     from trailmark.formats import world_json_schema
 
     console.say(json.dumps(world_json_schema(), indent=2))
 
 
-def _load(text: str, robot: str | None) -> World:
-    given = read_robot(robot)
-    world = load_world(text)
+def _load(text: str, robot: str | None, keepout: str | None, speed_mask: str | None) -> World:
+    given = options.read_robot(robot)
+    world = options.load_world(text, keepout, speed_mask)
     return world if given is None else world.with_robot(given)
 
 

@@ -18,9 +18,8 @@ from trailmark.ompl_bridge.mixture import Mixture
 from trailmark.ompl_bridge.objective import PathObjective
 from trailmark.ompl_bridge.planner import LandmarkPlanner
 from trailmark.ompl_bridge.planners import planner_named, planner_names
-from trailmark.ompl_bridge.plug import PluggedSampler, plug_landmark_sampler
 from trailmark.ompl_bridge.problem import SE2Problem, simple_setup
-from trailmark.ompl_bridge.samplers import LandmarkValidStateSampler
+from trailmark.ompl_bridge.samplers import LandmarkValidStateSampler, PluggedSampler, plug_landmark_sampler
 from trailmark.ompl_bridge.states import configuration, path_to_ompl, planner_data_graph, state, states_of, write_state
 
 __all__ = [

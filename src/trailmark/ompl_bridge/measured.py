@@ -22,7 +22,7 @@ from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import planning
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
-from trailmark.ompl_bridge.parameters import set_parameters
+from trailmark.ompl_bridge.planners import set_parameters
 from trailmark.ompl_bridge.problem import SE2Problem
 from trailmark.ompl_bridge.states import path_to_ompl
 from trailmark.path import Path

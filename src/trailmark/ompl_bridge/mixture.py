@@ -6,6 +6,7 @@ This module does not use OMPL. Configurations are drawn in batches, checked by c
 from __future__ import annotations
 
 from functools import cache
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,6 @@ from trailmark.errors import ConfigurationError
 from trailmark.landmarks.retraction import retract_all
 from trailmark.motion import Kind
 from trailmark.ompl_bridge.landmark_source import FIRST, LandmarkSource
-from trailmark.ompl_bridge.nearby import LANDMARKS_NEAR, Nearby
 from trailmark.planning.warmup import ROBOTS, SMALL, warm_up
 
 __all__ = ["ORIGINS", "ROADMAP_MIXTURE", "LandmarkStream", "Mixture", "Seed", "warm_up_sampling"]
@@ -29,6 +29,15 @@ ORIGINS = ("landmark", "around", "between", "uniform", "landmark near", "near")
 """Where a configuration comes from; the last two are drawn near a given one."""
 
 LANDMARK, AROUND, BETWEEN, UNIFORM, LANDMARK_NEAR, NEAR = range(len(ORIGINS))
+
+LANDMARKS_NEAR = 0.25
+"""Probability that a landmark is returned near a configuration where there is one."""
+
+POSITION, HEADING = 2.0 / 3.0, 1.0 / 3.0
+"""What a metre of distance is to OMPL's own samplers: metres along x and along y each, and radians.
+
+They share it out by the weights of the space's parts, 1 and 0.5.
+"""
 
 BATCH = 128
 """Configurations drawn at a time."""
@@ -81,7 +90,6 @@ class LandmarkStream:
     Attributes:
         source: as given.
         checker: the source's.
-        nearby: configurations near a given one.
 
     Raises:
         ConfigurationError: a mixture with impossible shares.
@@ -99,7 +107,6 @@ class LandmarkStream:
         self.checker: StateChecker = source.checker
         self._rng = np.random.default_rng(seed)
         self.tally = [0] * len(ORIGINS) if tally is None else tally
-        self.nearby = Nearby(source, self._rng)
         self._shares = mixture.shares()
         self._round, self._follow = 0, 0
         self._landmarks: se2.FloatArray = np.empty((0, 3))
@@ -123,17 +130,24 @@ class LandmarkStream:
         self.tally[origin] += 1
         return x, y, theta
 
-    def near(self, q: tuple[float, float, float], distance: float) -> tuple[float, float, float] | None:
-        """Return a landmark within a distance of q, in OMPL's metric; None if there is none, or by chance."""
-        found = self.nearby.landmark(q, distance)
-        if found is not None:
-            self.tally[LANDMARK_NEAR] += 1
-        return found
+    def near(self, q: tuple[float, float, float], distance: float) -> tuple[float, float, float]:
+        """Return a landmark within a distance of q, in OMPL's metric, or else one about q, valid or not.
 
-    def uniform_near(self, q: tuple[float, float, float], distance: float) -> tuple[float, float, float]:
-        """Return a configuration, valid or not, drawn near q as OMPL's own samplers do it."""
+        The latter is drawn within the bounds as OMPL's own samplers do it.
+        """
+        if self._rng.random() < LANDMARKS_NEAR and self.source.round(0) is not None:
+            landmarks = self.source.landmarks
+            close = landmarks[se2.distance(np.array(q), landmarks) <= distance]
+            if len(close):
+                self.tally[LANDMARK_NEAR] += 1
+                x, y, theta = self._rng.choice(close).tolist()
+                return x, y, theta
         self.tally[NEAR] += 1
-        return self.nearby.uniform(q, distance)
+        dx, dy, turn = (distance * self._rng.uniform(-1.0, 1.0, 3) * (POSITION, POSITION, HEADING)).tolist()
+        xmin, ymin, xmax, ymax = self.source.bounds
+        theta = q[2] + turn
+        x, y = min(max(q[0] + dx, xmin), xmax), min(max(q[1] + dy, ymin), ymax)
+        return x, y, theta if -pi < theta <= pi else se2.wrap(theta)
 
     def _next(self) -> tuple[se2.FloatArray, NDArray[np.int64]]:
         """Return the next batch (n, 3) and where each of it comes from (n,)."""
@@ -178,8 +192,6 @@ def warm_up_sampling(kind: Kind) -> None:
     stream = LandmarkStream(source, ROADMAP_MIXTURE, 0)
     for _ in range(FIRST + BATCH):  # landmarks, and one batch of the mixture at least
         stream.take()
-    for _ in range(round(10.0 / LANDMARKS_NEAR)):
-        stream.near((1.0, 1.0, 0.0), 1.0)
 
 
 class _Around:

@@ -1,0 +1,250 @@
+"""Bad input of every command: status 2, one line on stderr that says what is wrong, and no file written."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trailmark import plotting
+from trailmark.cli import options
+from trailmark.errors import TrailmarkError
+
+Shell = Callable[..., Any]
+
+BARE = "trailmark: 1\nname: bare\nbounds: [0, 0, 4, 4]\n"
+CASES = {
+    "": [("", "Missing command"), ("paln", "'paln'"), ("--verison", "--verison")],
+    "plan": [
+        ("", "Missing argument 'WORLD' (see 'trailmark plan --help')"),
+        ("yard.yaml --frobnicate", "(see 'trailmark plan --help')"),
+        ("yard.yaml more", "(see 'trailmark plan --help')"),
+        ("none.yaml", "none.yaml"),
+        ("ofice", "did you mean 'office'"),
+        ("broken.yaml", "broken.yaml"),
+        ("bare.yaml", "--robot"),
+        ("none.yaml --output none/path.json", "path.json"),
+        ("yard.yaml --time-limit 0", "above 0, got --time-limit '0' (see 'trailmark plan --help')"),
+        ("yard.yaml --seed 1.5", "expected an integer from 0 to 4294967295, got --seed '1.5'"),
+        ("yard.yaml --landmarks 200001", "from 1 to 200000, got --landmarks '200001'"),
+        ("yard.yaml --query bakc", "did you mean 'back'"),
+        ("yard.yaml --start 1,2,3", "both or neither"),
+        ("yard.yaml --start 1,2 --goal 1,2,3", "X,Y,T"),
+        ("yard.yaml --start 1,2,90degrees --goal 1,2,3", "degrees such as 90deg"),
+        ("yard.yaml --start 1,2,3 --goal 1,2,nan", "got --goal '1,2,nan'"),
+        ("yard.yaml --start 1,2,3 --goal 1,inf", "finite"),
+        ("yard.yaml --start 1,2,3 --goal 1,2,3 --query back", "expected --query or --start and --goal,"),
+        ("yard.yaml --start 1,1,0 --goal 2,2 --goal-tolerance 0.1,0.2", "expected a goal X,Y,T, got --goal '2,2'"),
+        ("yard.yaml --goal-tolerance -0.1", "0 or more"),
+        ("yard.yaml --goal-tolerance 0.1,x", "METRES,RADIANS"),
+        ("yard.yaml --start -3,1,0 --goal 1,1,0", "out of bounds by 3 m"),
+        ("yard.yaml --robot square:1", "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or [["),
+        ("yard.yaml --robot robot_radius:0", "expected a number above 0"),
+        ("yard.yaml --robot none.yaml", "none.yaml: cannot be read"),
+        ("yard.yaml --robot bare.yaml", "bare.yaml: no robot"),
+        ("yard.yaml --clearance wide", "metres, from 0"),
+        ("yard.yaml --relax", "--clearance"),
+        ("yard.yaml --drive tracks", "differential"),
+        ("yard.yaml --drive car", "turning radius"),
+        ("yard.yaml --turning-radius inf", "above 0 and at most 10000 (metres), got --turning-radius 'inf'"),
+        ("yard.yaml --forward-only", "expected --turning-radius too"),
+        ("yard.yaml --reverse-cost 2", "expected a car that reverses"),
+        ("yard.yaml --turning-radius 1 --reverse-cost 0.5", "1 to 1e6"),
+        ("yard.yaml --turning-radius 1 --direction-change-cost nan", "0 to 1e6"),
+        ("yard.yaml --objective shortest", "'shortest'"),
+        ("yard.yaml --objective length=x", "expected a number"),
+        ("yard.yaml --output path.xml", "suffix: expected .csv, .geojson, .json, .nav2.json"),
+        ("yard.yaml --plot nowhere/path.png", "nowhere"),
+        ("yard.yaml --frame-id 'my map'", "name without blanks"),
+        ("yard.yaml --layers path,walls --plot a.png", "obstacles, outside, path"),
+        ("yard.yaml --layers path", "--plot"),
+        ("yard.yaml --max-speed 1", "expected --trajectory or --animate too"),
+        ("yard.yaml --trajectory a.csv --max-speed 0", "from 1e-06 to 1e+06 (m/s), got --max-speed '0'"),
+        ("yard.yaml --trajectory a.csv --output a.csv", "two outputs name the file 'a.csv'"),
+        ("yard.yaml --animate a.mp4", "suffix"),
+        ("yard.yaml --step 0.1", "expected --output too"),
+        ("yard.yaml --output a.csv --step 1e-12", "(1,000,000 states at most), got 1e-12"),
+        ("yard.yaml --keepout bare.yaml", "bare.yaml"),
+    ],
+    "check": [
+        ("yard.yaml", "Missing argument 'PATH'"),
+        ("yard.yaml none.csv", "none.csv"),
+        ("none.yaml path.csv", "none.yaml"),
+        ("yard.yaml empty.txt", "empty path"),
+        ("yard.yaml two.txt", "two.txt:1: expected 3 columns"),
+        ("yard.yaml far.txt", "at most 1e+07 m, got 1e+20"),
+        ("yard.yaml curve.json", "expected dubins or reeds-shepp"),
+        ("yard.yaml path.csv --repair path.csv", "path.csv"),
+        ("yard.yaml path.csv --repair yard.yaml", "yard.yaml"),
+        ("yard.yaml path.csv --plot a.gif", ".png"),
+        ("yard.yaml path.csv --time-limit soon", "--time-limit 'soon'"),
+        ("yard.yaml path.csv --speed-mask bare.yaml", "bare.yaml"),
+    ],
+    "roadmap": [
+        ("yard.yaml", "Missing option '--output'"),
+        ("yard.yaml --output a.json", "expected .geojson, .graphml, .npz, got '.json'"),
+        ("yard.yaml --output none/a.npz", "'none' does not exist"),
+        ("yard.yaml --output a.npz -k 0", "expected an integer from 1 to 200000, got -k '0'"),
+        ("yard.yaml --output a.npz --robot disc:9", "no free place for the robot was found"),
+    ],
+    "landmarks": [
+        ("yard.yaml -k many", "expected an integer from 1 to 20000, got -k 'many'"),
+        ("yard.yaml -k 300 -n 200", "k: expected 1 to "),
+        ("yard.yaml --method papper", "expected paper, se2"),
+        ("yard.yaml --init random", "expected forgy, random-partition, k-means++"),
+        ("yard.yaml --init k-means++ --method se2", "expected forgy"),
+        ("yard.yaml --grow-boxes --method se2", "which has no boxes"),
+        ("yard.yaml --sensor-range inf", "metres above 0"),
+        ("yard.yaml -k 3 --robot disc:9", "empty free space: no place for the robot was found"),
+        ("yard.yaml -k 3 --robot disc:9 --method se2", "empty free space: 0 of 1000 samples"),
+    ],
+    "explore": [
+        ("--output run", "WORLD is missing"),
+        ("yard.yaml", "--output is missing"),
+        ("yard.yaml --output ''", "expected a folder's name"),
+        ("yard.yaml --output yard.yaml", "expected a folder, got a file"),
+        ("yard.yaml --output no/run", "the directory 'no' does not exist"),
+        ("yard.yaml --output run --sensor radar", "expected detections, laser"),
+        ("yard.yaml --output run --sensor-range 0", "metres above 0"),
+        ("yard.yaml --output run --strategy tours", "did you mean 'tour'"),
+        ("yard.yaml --output run --confidence 1", "a probability above 0 and below 1, got --confidence '1'"),
+        ("yard.yaml --output run --noise -1", "0 or more"),
+        ("bare.yaml --output run --robot disc:0.2", "expected --start X,Y,T"),
+        ("--resume run", "a folder that trailmark explore wrote"),
+        ("--resume a --output b", "expected --output or --resume, got both"),
+        ("--resume a --seed 1", "--seed '1' given with --resume"),
+    ],
+    "live": [("yard.yaml --port 99999", "--port"), ("yard.yaml --token x", "8 to 200"), ("none.yaml --port 0", "none")],
+    "benchmark": [
+        ("yard.yaml -p PRM", "--output is missing"),
+        ("yard.yaml -p PMR --output r.db", "planner: expected"),
+        ("yard.yaml --output r.db", "no planner given; expected landmark, "),
+        ("-p PRM --output r.db", "no world given; expected files, or bugtrap, "),
+        ("yard.yaml -p PRM --output r.db --query acros", "did you mean 'across'"),
+        ("yard.yaml -p PRM --output r.db --runs 0", "got --runs '0'"),
+        ("yard.yaml -p PRM --output r.db --memory-limit x", "got --memory-limit 'x'"),
+        ("yard.yaml -p PRM --output r.db --resolution 0", "metres above 0, or a share"),
+        ("yard.yaml -p PRM --output r.db --workers 2 --scheduler a", "expected --workers or --scheduler"),
+        ("yard.yaml -p PRM --output r.db --scheduler nowhere", "scheduler 'nowhere' does not answer"),
+        ("-p PRM --output r.db --suite nowhere.yaml", "nowhere.yaml: cannot be read"),
+        ("-p PRM --output r.db --suite brn", "--suite: expected barn, bench-mr"),
+        ("-p PRM --output r.db --suite barn", "--data is missing; expected a folder with BARN's"),
+        ("-p PRM --output r.db --suite barn --data .", "expected BARN's .world files"),
+        ("-p PRM --output r.db --suite clutter --data .", "expected no --data"),
+        ("-p PRM --output r.db --data .", "expected --suite"),
+        ("-p PRM --output r.db --suite passages --query x", "expected a query of suite passages, got x"),
+    ],
+    "report": [
+        ("", "Missing argument 'RESULTS.db'"),
+        ("none.db --html r.html", "none.db"),
+        ("yard.yaml --html r.html", "yard.yaml"),
+        ("yard.yaml --html r.pdf", "expected .htm, .html, got '.pdf'"),
+        ("yard.yaml --html no/r.html", "does not exist"),
+    ],
+    "worlds": [
+        ("shw", "expected show, convert, schema"),
+        ("show", "(see 'trailmark worlds show --help')"),
+        ("show yard.yaml --plot a.bmp", ".png"),
+        ("show yard.yaml --robot disc", "disc:RADIUS"),
+        ("convert yard.yaml", "OUT"),
+        ("convert yard.yaml a.json", ".yaml"),
+        ("convert yard.yaml yard.yaml", "yard.yaml"),
+        ("convert missing.map a.yaml", "missing.map"),
+    ],
+}
+FILES = {
+    "bare.yaml": BARE,
+    "broken.yaml": "trailmark: 1\nbounds: [0, 0, 1, .nan]\n",
+    "path.csv": "1,1,0\n2,1,0\n",
+    "empty.txt": "",
+    "two.txt": "1 1\n2 1\n",
+    "far.txt": "1 1 0\n1e20 1 0\n",
+    "curve.json": '{"states": [[1, 1, 0], [2, 1, 0]], "curve": {"kind": "spline"}}',
+}
+
+
+@pytest.fixture
+def folder(yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Make a folder with a world and some bad files, and go there."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+@pytest.mark.parametrize("command", CASES)
+def test_bad_input_is_one_line_with_status_2_and_changes_no_file(
+    shell: Shell, folder: Path, planner: Any, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    if command == "roadmap":
+        monkeypatch.undo()
+        monkeypatch.chdir(folder)
+    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWER_LIMIT", 0.2)
+    before = {file: file.read_bytes() for file in folder.iterdir()}
+    for words, problem in CASES[command]:
+        run = shell(*command.split(), *shlex.split(words))
+        assert run.status == 2, words
+        assert problem in run.problem, words
+        assert {file: file.read_bytes() for file in folder.iterdir()} == before, words
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "plan yard.yaml --output a.csv",
+        "check yard.yaml path.csv --plot a.png",
+        "roadmap yard.yaml --output a.npz",
+        "landmarks yard.yaml",
+        "explore yard.yaml --output run",
+        "live yard.yaml --port 0",
+        "benchmark yard.yaml -p PRM --output r.db",
+        "worlds show yard.yaml",
+        "worlds convert yard.yaml a.yaml",
+        "map path.csv --output a.yaml",
+        "report r.db",
+    ],
+)
+def test_any_error_of_trailmark_is_one_line_with_status_2(
+    shell: Shell, folder: Path, monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise TrailmarkError("first\nsecond \x1b[31mred")
+
+    for name in ("cli.options.load_world", "estimation.logs.load_log", "benchmark.results.load_results"):
+        monkeypatch.setattr(f"trailmark.{name}", fail)
+    run = shell(*words.split())
+    assert run.status == 2
+    assert run.problem == r"first second \x1b[31mred"
+    assert {file.name for file in folder.iterdir()} == {"yard.yaml", *FILES}
+
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(finite, finite, st.floats(-6.28, 6.28))
+def test_any_finite_configuration_is_read_as_written(x: float, y: float, theta: float) -> None:
+    assert options.read_configuration(f"{x!r},{y!r},{theta!r}", "--start") == (x, y, theta)
+
+
+@given(finite, st.floats(-360.0, 360.0))
+def test_headings_may_be_in_degrees(x: float, degrees: float) -> None:
+    expected = (x, 1.0, math.radians(degrees))
+    for text in (f"{degrees!r}deg", f" {degrees!r} deg "):
+        assert options.read_configuration(f"{x!r},1,{text}", "--start") == expected
+
+
+def test_pictures_are_those_that_plotting_writes() -> None:
+    assert options.PICTURE_SUFFIXES == plotting.PICTURE_SUFFIXES
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "1e999", "", "1s"])
+def test_anything_but_positive_finite_seconds_is_refused(text: str) -> None:
+    assert options.read_duration("1e-3", "--time-limit") == 0.001
+    with pytest.raises(options.UsageError, match="seconds above 0"):
+        options.read_duration(text, "--time-limit")
