@@ -68,8 +68,8 @@ def look(
     world = known.follow(World("hall", known.bounds, robot=ROBOT))
     planner = LandmarkPlanner(world, ROBOT, seed=0)
     memory = Memory(known) if memory is None else memory
-    settings, rng = ExplorationSettings(), np.random.default_rng(0)
-    return survey(known, planner, ROBOT, np.array(pose), None, sensor_range, settings, rng, memory), planner
+    rng = np.random.default_rng(0)
+    return survey(known, planner, ROBOT, np.array(pose), None, sensor_range, rng, memory), planner
 
 
 def test_a_closed_room_is_done() -> None:
@@ -162,7 +162,7 @@ def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robo
     planner, memory, rng = LandmarkPlanner(world, robot, seed=0), Memory(known), np.random.default_rng(0)
     memory.been[10, 10] = True
     here = np.array([2.45, 1.4, 0.0])
-    outlook = survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    outlook = survey(known, planner, robot, here, None, 2.0, rng, memory).outlook
     found = chosen(outlook._replace(here=here), (0.6, 1.5, 0.0), any_heading=True)
     assert plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory).path is None
     assert memory.closed_in
@@ -170,7 +170,7 @@ def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robo
     assert not (memory.refused == EXCLUDED).any()
     # Without the place where it was, the same is a proof.
     memory.been[10, 10], memory.closed_in = False, False
-    survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory)
+    survey(known, planner, robot, here, None, 2.0, rng, memory)
     plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory)
     assert not memory.closed_in
     assert memory.refused[15, 6] == EXCLUDED
@@ -184,7 +184,7 @@ def test_a_robot_that_cannot_drive_backwards_goes_nowhere_where_it_cannot_turn_r
     planner = LandmarkPlanner(known.follow(World("hall", known.bounds, robot=robot)), robot, seed=0)
     memory, here = Memory(known), np.array([1.05, 1.05, 0.0])
     rng, settings = np.random.default_rng(0), ExplorationSettings(planning_time=0.5)
-    outlook = survey(known, planner, robot, here, None, 2.0, settings, rng, memory).outlook
+    outlook = survey(known, planner, robot, here, None, 2.0, rng, memory).outlook
     for place, back in (((2.8, 0.95, 0.0), reverse), ((0.6, 1.55, 0.0), True)):
         found = plan_to(
             known, planner, chosen(outlook._replace(here=here), place, any_heading=True), 0, settings, memory
@@ -200,7 +200,7 @@ def test_where_nothing_is_found_any_longer_the_robot_came_from_there(monkeypatch
     planner, memory, rng = LandmarkPlanner(world, robot, seed=0), Memory(known), np.random.default_rng(0)
     memory.been[10, 10] = True
     here = np.array([2.45, 1.4, 0.0])
-    outlook = survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    outlook = survey(known, planner, robot, here, None, 2.0, rng, memory).outlook
     found = chosen(outlook._replace(here=here), (0.6, 1.5, 0.0), any_heading=True)
     monkeypatch.setattr(landmark_ways, "_excluded", lambda *_: np.zeros(memory.been.shape, np.bool_))
     for failed in (1, 2, 3):
@@ -242,7 +242,7 @@ def test_what_no_heading_leads_to_is_excluded_at_once_for_a_robot_with_a_shape()
     world = known.follow(World("hall", known.bounds, robot=robot))
     planner, memory = LandmarkPlanner(world, robot, seed=0), Memory(known)
     rng, pose = np.random.default_rng(0), np.array([0.5, 0.6, 0.0])
-    outlook = survey(known, planner, robot, pose, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    outlook = survey(known, planner, robot, pose, None, 2.0, rng, memory).outlook
     memory.levels[known.state == FREE] = 1
     found = chosen(outlook, (2.1, 0.6, 0.0), any_heading=False)
     assert plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory).status == "infeasible"
@@ -375,7 +375,7 @@ class Hidden:
         world = known.follow(World("hidden", known.bounds, robot=self.robot))
         planner, memory = LandmarkPlanner(world, self.robot, seed=0), Memory(known)
         for _ in range(most):
-            found = survey(known, planner, self.robot, self.pose, None, self.range, settings, rng, memory)
+            found = survey(known, planner, self.robot, self.pose, None, self.range, rng, memory)
             if found.ended:
                 return found
             planned = plan_to(known, planner, found, STRATEGIES[strategy](found.outlook), settings, memory)

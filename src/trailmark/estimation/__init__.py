@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from trailmark.estimation.filter.motion import Unicycle as Unicycle
     from trailmark.estimation.filter.sensor_model import SensorModel as SensorModel
     from trailmark.estimation.filter.sensors import Cartesian as Cartesian
-    from trailmark.estimation.filter.sensors import LinePolar as LinePolar
     from trailmark.estimation.filter.sensors import RangeBearing as RangeBearing
-    from trailmark.estimation.graph.graph_settings import GraphSettings as GraphSettings
     from trailmark.estimation.logs import load_log as load_log
     from trailmark.estimation.logs import save_log as save_log
     from trailmark.estimation.logs.records import Detection as Detection
@@ -41,15 +39,12 @@ if TYPE_CHECKING:
     from trailmark.estimation.maps.obstacle_estimates import wall_estimate as wall_estimate
     from trailmark.estimation.maps.scan_map import ScanMap as ScanMap
     from trailmark.estimation.maps.scan_map import map_scans as map_scans
-    from trailmark.estimation.risk.allocation import grown_world as grown_world
     from trailmark.estimation.risk.allocation import refined as refined
     from trailmark.estimation.risk.allocation import regrow as regrow
     from trailmark.estimation.risk.growth import grow as grow
     from trailmark.estimation.risk.path_risk import path_risk as path_risk
     from trailmark.estimation.risk.spending import spend_risk as spend_risk
     from trailmark.estimation.scans.scan_settings import ScanSettings as ScanSettings
-    from trailmark.estimation.simulation.readings import RefinedPoint as RefinedPoint
-    from trailmark.estimation.simulation.readings import refine_point as refine_point
     from trailmark.estimation.simulation.readings import refine_points as refine_points
     from trailmark.estimation.simulation.readings import sense_obstacles as sense_obstacles
     from trailmark.estimation.simulation.simulator import Simulation as Simulation
@@ -66,8 +61,7 @@ _NAMES = {
     "filter.gain": "Innovation Prediction",
     "filter.motion": "MotionModel PoseIncrement Unicycle",
     "filter.sensor_model": "SensorModel",
-    "filter.sensors": "Cartesian LinePolar RangeBearing",
-    "graph.graph_settings": "GraphSettings",
+    "filter.sensors": "Cartesian RangeBearing",
     "logs": "load_log save_log",
     "logs.records": "Detection Increment Log Odometry Pose Scan",
     "maps.log_map": "map_log",
@@ -75,12 +69,12 @@ _NAMES = {
     "maps.mapped_log": "MappedLog",
     "maps.obstacle_estimates": "disc_estimates hull_estimate plain_box wall_estimate",
     "maps.scan_map": "ScanMap map_scans",
-    "risk.allocation": "grown_world refined regrow",
+    "risk.allocation": "refined regrow",
     "risk.path_risk": "path_risk",
     "risk.spending": "spend_risk",
     "risk.growth": "grow",
     "scans.scan_settings": "ScanSettings",
-    "simulation.readings": "RefinedPoint refine_point refine_points sense_obstacles",
+    "simulation.readings": "refine_points sense_obstacles",
     "simulation.simulator": "Simulation simulate",
     "simulation.virtual_sensors": "Detector Scanner",
     "slam.ekf_slam": "EkfSlam",

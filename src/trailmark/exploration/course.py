@@ -203,7 +203,6 @@ class Course:
                 here,
                 home,
                 self._range,
-                s,
                 self._rng,
                 self._memory,
                 self._mapper.trajectory[:, 1:] if self._sees_around else None,

@@ -88,7 +88,7 @@ class DetectionMapper:
         self._start, self._sensor, self._robot = np.asarray(start, dtype=np.float64), sensor, robot
         self._checks, self._model = RecordChecks(Detection, sensor.max_range), MapSettings()
         association: AssociationMethod = "known" if sensor.identities else "joint"
-        slam = replace(self._model.slam, association=association, outlier_gate=None, late="skip")
+        slam = replace(self._model.slam, association=association, outlier_gate=None)
         self._sensors: dict[str, SensorModel] = {"range-bearing": sensor.model, "cartesian": self._model.cartesian}
         self._slam = EkfSlam(
             self._sensors,

@@ -33,6 +33,9 @@ from trailmark.world import Robot, World
 
 __all__ = ["Explorer"]
 
+SILENCE = 5.0
+"""Seconds of the robot's clock without a reading after which the sensor is silent."""
+
 MAX_BLOCKED = 5
 """Commands in a row that a robot does not carry out because something is in its way, before it is stuck."""
 
@@ -266,7 +269,7 @@ class Explorer:
             self._time = max(self._time, *times)
         if intake.readings:
             self._last_reading = self._time
-        elif self._time - self._last_reading >= s.silence:
+        elif self._time - self._last_reading >= SILENCE:
             heard = any(isinstance(record, Scan | Detection) for record in records)
             what = "its readings cannot be used" if heard else "no reading"
             self._ended = "silent", f"{what} for {self._time - self._last_reading:.1f} s"

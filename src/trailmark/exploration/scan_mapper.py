@@ -25,7 +25,7 @@ from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import Draw, Intake
 from trailmark.exploration.record_checks import CARRIED, RecordChecks
 from trailmark.exploration.scan_drawing import DENSE, apart, draw
-from trailmark.exploration.scan_matching import GAP, graph_settings
+from trailmark.exploration.scan_matching import graph_settings
 from trailmark.se2 import FloatArray, compose, difference
 from trailmark.world import Robot, World
 
@@ -36,6 +36,9 @@ TRUSTED: Final = 0.002, 0.001
 
 STRANGE: Final = 3
 """Scans in a row that do not fit the map, after which the robot is lost."""
+
+GAP: Final = 0.1
+"""Metres between end points of one surface from which on they would count as shapes of their own."""
 
 CHECK: Final = 10
 """Scans after which odometry that is taken as exact is checked again, by those of one and two such times ago."""

@@ -11,7 +11,7 @@ from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.se2 import FloatArray
 
-__all__ = ["GAP", "graph_settings"]
+__all__ = ["graph_settings"]
 
 SLIPPING: Final = 1.5
 """Times the standard deviation of a step that odometry states, for matching: what it does not know of."""
@@ -24,10 +24,6 @@ FAR: Final = 10.0
 
 SHORTEST: Final = 0.1
 """Share of the distance between nodes that counts as driven at least: before, hardly anything has been stated."""
-
-GAP: Final = 0.1
-"""Metres between end points of one surface from which on they would count as shapes of their own, so sure is a match
-of end points that scatter by :data:`LEAST`."""
 
 
 def graph_settings(sensor: Scanner, errors: FloatArray, driven: float, exact: bool) -> GraphSettings:
@@ -42,12 +38,9 @@ def graph_settings(sensor: Scanner, errors: FloatArray, driven: float, exact: bo
     s, far = GraphSettings(), max(1.0, sensor.max_range / FAR)
     s = replace(
         s,
+        scale=far,
         max_range=min(far * s.max_range, sensor.max_range),
-        key_distance=far * s.key_distance,
-        local_length=far * s.local_length,
-        loop_distance=far * s.loop_distance,
         scatter=max(sensor.sigma, LEAST),
-        filled_gap=GAP,
     )
     if exact:
         return s

@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from tests.support.trials import few
 
 from trailmark.estimation import (
-    Cartesian,
     EstimationError,
-    LinePolar,
     PoseIncrement,
     RangeBearing,
     SlamFilter,
@@ -331,32 +329,6 @@ def test_mapping_from_uncertain_poses_counts_their_errors() -> None:
     assert 3.3 < np.mean(nees) < 4.9
 
 
-@pytest.mark.slow
-def test_walls_and_points_in_one_state() -> None:
-    # A robot drives along a wall that it reads from both sides of the line's foot point, and sees a point as well.
-    rng = np.random.default_rng(8)
-    walls, points = LinePolar(0.02, 0.01), Cartesian(0.05, 0.05)
-    wall, point = np.array([0.05, np.pi / 2]), np.array([3.0, 2.0])
-    pose, ekf = np.array([0.0, -1.0, 0.0]), SlamFilter((0.0, -1.0, 0.0))
-    w, p = (
-        ekf.add_feature(walls.sample(pose, wall, rng), walls),
-        ekf.add_feature(points.sample(pose, point, rng), points),
-    )
-    assert (ekf.kind(w), ekf.kind(p)) == ("line", "point")
-    for _ in range(300):
-        u = np.array([0.1, 0.0 if abs(pose[1]) > 1.5 else 0.4, 0.2])
-        pose = MOTION.sample(pose, u, rng)
-        ekf.predict(MOTION, u)
-        ekf.update(walls.sample(pose, wall, rng), walls, w)
-        ekf.update(points.sample(pose, point, rng), points, p)
-    assert ekf.predict_readings(walls).ids == (w,)
-    assert ekf.predict_readings(points).ids == (p,)
-    e = np.concatenate([ekf.pose - pose, ekf.feature(w) - wall, ekf.feature(p) - point])
-    e[[2, 4]] = [wrapped(e[2]), wrapped(e[4])]
-    assert np.abs(e).max() < 0.15
-    assert e @ np.linalg.solve(ekf.P, e) < 24.0  # 99.9 % of chi-square with 7 degrees of freedom
-
-
 def test_ids_stay_when_others_go() -> None:
     ekf = SlamFilter()
     ids = [ekf.add_known_feature([float(k), 0.0], k * np.eye(2)) for k in range(4)]
@@ -385,6 +357,12 @@ def slam() -> SlamFilter:
     return ekf
 
 
+def of_a_line() -> SlamFilter:
+    ekf = SlamFilter()
+    ekf.add_known_feature([1.0, 2.0], kind="line")
+    return ekf
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -399,7 +377,7 @@ def slam() -> SlamFilter:
         (lambda: slam().remove_feature(7), "feature: expected the id of one of the 1 features, got 7"),
         (lambda: slam().update([np.nan, 0.0], SENSOR, 0), "finite"),
         (lambda: slam().update([1.0, 0.0, 0.0], SENSOR, 0), "1 times 2 finite numbers"),
-        (lambda: slam().update([1.0, 0.0], LinePolar(0.1, 0.1), 0), "another kind"),
+        (lambda: of_a_line().update([1.0, 0.0], SENSOR, 0), "another kind"),
         (lambda: slam().update([1.0, 0.0], SENSOR, 0, -9 * np.eye(2)), "positive semidefinite"),
         (
             lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]),

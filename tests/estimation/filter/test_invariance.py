@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 from tests.support.trials import few
 
-from trailmark.estimation import LinePolar, RangeBearing, SlamFilter, Unicycle
+from trailmark.estimation import RangeBearing, SlamFilter, Unicycle
 from trailmark.estimation.errors import EstimationError
 
 FloatArray = NDArray[np.float64]
@@ -172,20 +172,6 @@ def test_an_iterated_update_is_the_best_fit_of_prior_and_reading() -> None:
     best = least_squares(residuals, prior, xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     assert np.hypot(*(found[10] - best)) < 5e-3
     assert np.hypot(*(found[1] - best)) > 0.3
-
-
-@pytest.mark.slow
-def test_lines_and_points_in_one_state_stay_symmetric_and_positive() -> None:
-    rng, walls = np.random.default_rng(4), LinePolar(0.02, 0.01)
-    ekf = SlamFilter((0.0, -1.0, 0.0), 0.01 * np.eye(3), iterations=3)
-    w, p = ekf.add_feature([1.0, np.pi / 2], walls), ekf.add_feature([2.0, 0.5], SENSOR)
-    assert ekf.points.tolist() == [[0, 1], [5, 6]]
-    for _ in range(100):
-        ekf.predict(MOTION, [0.2, 0.1, 0.1])
-        ekf.update(walls.sample(ekf.pose, ekf.feature(w), rng), walls, w)
-        ekf.update(SENSOR.sample(ekf.pose, ekf.feature(p), rng), SENSOR, p)
-        assert np.array_equal(ekf.P, ekf.P.T)
-    np.linalg.cholesky(ekf.P)
 
 
 def test_merged_points_are_the_mean_by_their_covariances() -> None:

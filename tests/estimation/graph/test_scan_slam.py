@@ -123,7 +123,7 @@ def test_scans_that_show_nothing_leave_odometry() -> None:
 
 
 @pytest.mark.slow
-def test_no_more_nodes_than_places() -> None:
+def test_no_more_nodes_than_places(monkeypatch: pytest.MonkeyPatch) -> None:
     """Twice around: the later round stands on the first one's nodes."""
     once = slice(0, len(truth()) - 16, 2)
     true, seen = np.vstack([truth()[once]] * 2), [scan._replace(t=float(i)) for i, scan in enumerate(scans()[once] * 2)]
@@ -132,7 +132,8 @@ def test_no_more_nodes_than_places() -> None:
     guess = [true[0]]
     for step in steps:
         guess.append(compose(guess[-1], step * [1.02, 1.0, 1.0] + [0.0, 0.0, math.radians(0.3)]))
-    found = match_scans(seen, np.array(guess), GraphSettings(max_nodes=one_round))
+    monkeypatch.setattr("trailmark.estimation.graph.scan_slam.MAX_NODES", one_round)
+    found = match_scans(seen, np.array(guess))
     assert len(found.keys) < 1.5 * one_round
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3
 
@@ -227,7 +228,7 @@ def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("apart", "settings"),
-    [(3.0, GraphSettings()), (0.8, GraphSettings(key_distance=3.2, local_length=80.0, loop_distance=64.0))],
+    [(3.0, GraphSettings()), (0.8, GraphSettings(scale=8.0))],
     ids=["scans far apart", "nodes far apart"],
 )
 def test_a_robot_that_drives_back_was_not_carried_there(apart: float, settings: GraphSettings) -> None:

@@ -106,10 +106,10 @@ def test_detections_become_discs_with_their_covariances() -> None:
 
 @pytest.mark.slow
 def test_bounds_leave_room_around_everything() -> None:
-    mapped = map_log(recorded(), MapSettings(margin=2.0), robot=ROBOT, confidence=0.99)
+    mapped = map_log(recorded(), robot=ROBOT, confidence=0.99)
     xmin, ymin, xmax, ymax = mapped.world.bounds
     boxes = np.array([shape.bounding_box() for shape in mapped.world.obstacles])
-    room = 2.0 + 2.0 * 0.25 - 1e-9
+    room = 1.0 + 2.0 * 0.25 - 1e-9
     for points in (boxes[:, :2], boxes[:, 2:], mapped.trajectory[:, 1:3]):
         assert (points >= [xmin + room, ymin + room]).all()
         assert (points <= [xmax - room, ymax - room]).all()
@@ -198,10 +198,10 @@ def test_stated_noise_counts_unless_told_otherwise() -> None:
     loose = MapSettings(range_bearing=RangeBearing(0.5, 0.2), cartesian=Cartesian(0.5, 0.5))
     stated = spread(MapSettings())
     assert spread(loose) == stated
-    assert spread(replace(loose, stated_sensor_noise=False)) > 2.0 * stated
+    assert spread(replace(loose, stated_noise=False)) > 2.0 * stated
     drifts = PoseIncrement(0.05, 0.05, 0.05)
     assert spread(MapSettings(increment=drifts)) == stated
-    assert spread(MapSettings(increment=drifts, stated_motion_noise=False)) > stated
+    assert spread(MapSettings(increment=drifts, stated_noise=False)) > stated
 
 
 @pytest.mark.slow
@@ -319,7 +319,7 @@ def test_figures_are_plain_data() -> None:
     records = figures["records"]
     assert records["all"] == len(recorded().records) == sum(n for name, n in records.items() if name != "all")
     assert figures["features"] == {"confirmed": 8, "tentative": 0, "dropped": 0}
-    assert figures["obstacles"] == {"all": 8, "discs": 8, "walls": 0, "heaps": 0, "unknown": 0}
+    assert figures["obstacles"] == {"all": 8, "discs": 8, "walls": 0, "heaps": 0, "unknown": 0, "frame": "map"}
     assert figures["risk"]["collision_at_most"] == pytest.approx(0.01)
     nis = figures["nis"]
     assert nis["low"] < nis["expected"] < nis["high"]
@@ -417,7 +417,6 @@ def test_nothing_to_go_by() -> None:
         ({"radius": 0.0}, "radius: expected a finite number above 0, got 0.0"),
         ({"radius": math.nan}, "radius: expected .*, got nan"),
         ({"radius_sigma": -1.0}, "radius_sigma: expected a finite number of 0 or more, got -1.0"),
-        ({"margin": math.inf}, "margin: .*, got inf"),
         ({"robot_sigma": (0.1, -0.1)}, "robot_sigma"),
         ({"start": (0.0, 0.0, math.nan)}, "start"),
     ],

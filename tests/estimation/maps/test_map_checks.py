@@ -66,7 +66,7 @@ def test_maps_of_detections_that_look_wrong() -> None:
     assert detection_warnings(right, apart, False, "slam") == []
     loud = right._replace(updates=tuple(u._replace(nis=9.0) for u in updates))
     (nis,) = detection_warnings(loud, apart, False, "slam")
-    assert "--fit-noise on" in nis
+    assert "batch: fit" in nis
     assert "larger" in nis
     assert detection_warnings(loud, apart, True, "slam") == []
     near = disc_estimates([[0.0, 0.0], [0.2, 0.0]], [1e-2 * np.eye(2)] * 2, 0.05)

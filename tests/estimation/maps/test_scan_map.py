@@ -194,18 +194,19 @@ def test_the_door_is_open_and_passable_when_grown(tmp_path: Path) -> None:
     assert World.load(tmp_path / "w.yaml") == world
 
 
-def test_beams_that_meet_nothing_clear_the_way() -> None:
+def test_beams_that_meet_nothing_clear_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
     wall = shapely.box(2.0, -0.5, 2.1, 0.5)
     views = [cast([wall], (0.0, 0.0, 0.01 * i), range_max=6.0) for i in range(5)]
     inside = shapely.Point(1.0, 3.0)
     for clear_range, cleared in ((4.0, True), (0.0, False)):
-        world = map_scans(views, settings=MappingSettings(clear_range=clear_range)).world
+        monkeypatch.setattr("trailmark.estimation.maps.scan_map.CLEAR_RANGE", clear_range)
+        world = map_scans(views).world
         assert open_at(world, inside) == cleared
-    beyond = map_scans(views, settings=MappingSettings(clear_range=4.0)).world
-    assert not open_at(beyond, shapely.Point(1.0, 4.5))
+        assert not open_at(world, shapely.Point(1.0, 4.5))
     # Lost readings say nothing.
     lost = [view._replace(ranges=np.where(view.ranges < 6.0, view.ranges, math.nan)) for view in views]
-    world = map_scans(lost, settings=MappingSettings(clear_range=4.0)).world
+    monkeypatch.setattr("trailmark.estimation.maps.scan_map.CLEAR_RANGE", 4.0)
+    world = map_scans(lost).world
     assert not open_at(world, inside)
 
 

@@ -10,7 +10,7 @@ import shapely
 
 from trailmark.estimation.maps.evidence import EvidenceGrid
 from trailmark.estimation.maps.map_settings import MappingSettings
-from trailmark.estimation.maps.scan_obstacles import find_obstacles
+from trailmark.estimation.maps.scan_obstacles import THICKNESS, find_obstacles
 from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Observation
 from trailmark.shapes import Polygon, Rectangle
 
@@ -93,9 +93,9 @@ def test_stretches_are_joined_over_gaps_that_nothing_went_through(gap: int, pass
     assert found.heaps == []
     for estimate, own in found.walls:
         assert isinstance(estimate.mean, Rectangle)
-        assert estimate.mean.width == SETTINGS.thickness
+        assert estimate.mean.width == THICKNESS
         low, high = own[:, 0].min(), own[:, 0].max()
-        expected = shapely.box(low, 2.05, high, 2.05 + SETTINGS.thickness)
+        expected = shapely.box(low, 2.05, high, 2.05 + THICKNESS)
         assert shapely.hausdorff_distance(estimate.mean.polygon().shapely(), expected) < 1e-9
 
 

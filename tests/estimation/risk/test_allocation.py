@@ -11,12 +11,12 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.grown import grown_world
 from tests.support.trials import few
 
 from trailmark.errors import FormatError, WorldError
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.allocation import (
-    grown_world,
     refined,
     regrow,
 )
@@ -39,9 +39,8 @@ def office(confidence: float = 0.99) -> World:
         ESTIMATES,
         BOUNDS,
         confidence,
-        name="office",
         robot=Robot.rectangle(0.6, 0.4),
-        queries=[Query("door", (1, 1, 0), (18, 9, 0))],
+        queries=(Query("door", (1, 1, 0), (18, 9, 0)),),
         fixed=[Disc((18.0, 2.0), 0.4)],
         weights=[1.0, 2.0, 3.0, 4.0],
         pose_covariance=POSE,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from trailmark import Disc, Polygon, Rectangle, TrailmarkError, World
-from trailmark.estimation import EstimationError, RangeBearing, refine_point, refine_points, sense_obstacles
+from trailmark.estimation import RangeBearing, refine_points, sense_obstacles
 
 FloatArray = NDArray[np.float64]
 
@@ -86,9 +86,6 @@ def test_many_at_once_are_each_one_by_the_equations(
         point, covariance = by_recursion(readings[i], poses[i], sensor)
         assert np.abs(point - many.points[i]).max() < 1e-9
         assert np.abs(covariance - many.covariances[i]).max() < 1e-9
-        one = refine_point(readings[i], poses[i], sensor)
-        assert np.abs(one.point - point).max() < 1e-9
-        assert np.abs(one.covariance - covariance).max() < 1e-9
 
 
 def test_near_the_batch_optimum() -> None:
@@ -129,37 +126,6 @@ def test_poses_broadcast() -> None:
     same = refine_points(readings, np.broadcast_to(pose, (2, 2, 3)), sensor)
     assert np.array_equal(refine_points(readings, pose, sensor).points, same.points)
     assert np.array_equal(refine_points(readings, np.stack([pose, pose]), sensor).points, same.points)
-
-
-@pytest.mark.parametrize(
-    ("readings", "poses", "message"),
-    [
-        (
-            np.zeros((0, 2)),
-            np.zeros((0, 3)),
-            r"readings: expected finite numbers of shape \(n, 2\)",
-        ),
-        (
-            np.zeros((4, 3)),
-            np.zeros((4, 3)),
-            r"readings: expected finite numbers of shape \(n, 2\)",
-        ),
-        (
-            np.ones((4, 2)),
-            np.zeros((3, 3)),
-            r"poses: expected one x, y, theta for each of \(1, 4\) readings",
-        ),
-        ([[1.0, np.nan]], np.zeros(3), r"readings: expected finite numbers of shape \(n, 2\)"),
-        (
-            [[1.0, 0.0]],
-            [np.inf, 0.0, 0.0],
-            "poses: expected an array of finite numbers",
-        ),
-    ],
-)
-def test_bad_readings(readings: FloatArray, poses: FloatArray, message: str) -> None:
-    with pytest.raises(EstimationError, match=message):
-        refine_point(readings, poses, RangeBearing(0.1, 0.1))
 
 
 WORLD = World(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trailmark.estimation import EkfSlam, EstimationError, RangeBearing, SlamFilter, SlamSettings, Unicycle
+from trailmark.estimation import EkfSlam, RangeBearing, SlamFilter, SlamSettings, Unicycle
 from trailmark.estimation.logs.records import Detection, Odometry, Record
-from trailmark.estimation.slam.association import IGNORED, NEW, clear, distinct
+from trailmark.estimation.slam.association import IGNORED, NEW, distinct
 from trailmark.estimation.slam.feature_histories import FeatureHistories
 
 SENSOR = RangeBearing(0.1, 0.02)
@@ -90,28 +90,3 @@ def test_a_run_without_identities_finds_posts_that_stand_close_together() -> Non
     assert len(found["distinct"]) == 4
     for post in posts:
         assert np.hypot(*(found["distinct"] - post).T).min() < 0.1
-
-
-def test_misuse() -> None:
-    for gate in (0.0, 1.0):
-        with pytest.raises(EstimationError, match="merge_gate"):
-            SlamSettings(merge_gate=gate)
-    with pytest.raises(EstimationError, match="iterations"):
-        SlamSettings(iterations=0)
-    with pytest.raises(EstimationError, match="did you mean 'additive'"):
-        SlamSettings(error="aditive")  # type: ignore[arg-type]  # wrong on purpose
-
-
-@pytest.mark.parametrize(
-    ("d2", "expected"),
-    [
-        ([[1.0, 9.0], [50.0, 50.0]], [0, NEW]),
-        ([[1.0, 4.0], [50.0, 50.0]], [IGNORED, NEW]),
-    ],
-)
-def test_readings_between_two_features_are_left_out(d2: list[list[float]], expected: list[int]) -> None:
-    assert clear([0, NEW], d2, 5.0).tolist() == expected
-
-
-def test_features_that_other_readings_went_to_do_not_make_a_reading_unclear() -> None:
-    assert clear([0, 1], [[1.0, 2.0], [2.0, 1.0]], 5.0).tolist() == [0, 1]

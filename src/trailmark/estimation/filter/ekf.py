@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,10 +28,12 @@ from trailmark.estimation.filter.gain import Gain, Innovation, Prediction, Spars
 from trailmark.estimation.filter.motion import MotionModel
 from trailmark.estimation.filter.sensor_model import SensorModel
 from trailmark.estimation.filter.state import Mode, SlamState, checked_pose
-from trailmark.estimation.slam.slam_settings import ErrorForm
 from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["ErrorForm", "Innovation", "Mode", "Prediction", "SlamFilter"]
+
+ErrorForm = Literal["invariant", "additive"]
+"""The error that P is the covariance of: one that no turn of the whole map changes, or estimate − truth."""
 
 STRAIGHT = 0.03
 """Standard deviations of a reading: an update whose linearisation was off by less is not iterated."""
@@ -56,8 +58,8 @@ class SlamFilter(SlamState):
         pose: x, y, theta to begin with; metres and radians.
         P: its covariance, shape (3, 3); None for a pose that is certain.
         mode: one of the above.
-        error: in mode "slam", "invariant" keeps unknown what no reading reveals (points only: lines are corrected as
-            with "additive"), "additive" is the filter of the books.
+        error: in mode "slam", "invariant" keeps unknown what no reading reveals (points only: other features are
+            corrected as with "additive"), "additive" is the filter of the books.
         iterations: in mode "slam", how often at most an update is linearised anew, at what it gave the last time.
         curvature: by what the mean square of what a linearised reading misses is multiplied, to count as its noise.
 

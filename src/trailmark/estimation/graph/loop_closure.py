@@ -10,7 +10,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.graph_settings import (
+    LOCAL_SCANS,
+    LOOP_AMBIGUITY,
+    LOOP_SCORE,
+    OUTLIER_GATE,
+    WINDOW,
+    GraphSettings,
+)
 from trailmark.estimation.graph.pose_graph import Relation
 from trailmark.estimation.graph.submaps import KeyScans, in_frame
 from trailmark.estimation.scans.clouds import PointCloud, relative, transformed
@@ -45,7 +52,7 @@ class LoopFinder:
         self._drift = Drift(settings)
         self._read = 0  # relations
         self._ends = np.empty((0, 2), dtype=np.intp)
-        self._gate = float(chi_square_quantile(settings.outlier_gate, 3))
+        self._gate = float(chi_square_quantile(OUTLIER_GATE, 3))
 
     def find(self, k: int) -> list[Relation]:
         """Return the closures that scan k confirms, its own among them."""
@@ -106,19 +113,19 @@ class LoopFinder:
     def _match(self, k: int, place: int, away: float) -> Relation | None:
         """Return where scan k, with those just before it, lies in the map around a place; None if nowhere for sure."""
         keys, s = self._keys, self._s
-        query = keys.query(keys.chain(k, 0.5 * s.local_length, s.local_scans, before=True), k)
+        query = keys.query(keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True), k)
         sigma, sigma_theta = self._drift.sigma(np.array([away]))
         window = Window(
-            float(np.clip(3.0 * sigma[0], 2.0 * s.window[0], MAX_WINDOW.xy)),
-            float(np.clip(3.0 * sigma_theta[0], s.window[1], MAX_WINDOW.theta)),
+            float(np.clip(3.0 * sigma[0], 2.0 * WINDOW[0], MAX_WINDOW.xy)),
+            float(np.clip(3.0 * sigma_theta[0], WINDOW[1], MAX_WINDOW.theta)),
         )
-        chain = keys.chain(place, 2.0 * s.local_length, s.local_scans)
+        chain = keys.chain(place, 2.0 * s.local_length, LOCAL_SCANS)
         guess = keys.poses[k]
         area = keys.area(chain, guess, float(np.abs(query.points).max()) * 1.5 + window.xy, window.xy)
-        found = search(area, query.points, guess, window, coarseness=2, min_score=s.loop_score)
+        found = search(area, query.points, guess, window, coarseness=2, min_score=LOOP_SCORE)
         if found is None:
             return None
-        limit = s.loop_ambiguity * found.score
+        limit = LOOP_AMBIGUITY * found.score
         if search(area, query.points, guess, window, coarseness=2, min_score=limit, apart_from=found.pose):
             return None
         found, near = refine(area, query, found.pose), refine(area, query, guess)
@@ -127,7 +134,7 @@ class LoopFinder:
             # Where the graph has the scan, much of it may lie beyond what the map's scans saw.
             known = near.score + UNSEEN * (1.0 - self._seen_share(query, near.pose, chain))
             other = found.score + UNSEEN * (1.0 - self._seen_share(query, found.pose, chain))
-            if known > s.loop_ambiguity * other:
+            if known > LOOP_AMBIGUITY * other:
                 return None
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
         return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
@@ -141,9 +148,9 @@ class LoopFinder:
     def _with_errors_of_maps(self, closure: Relation) -> Relation:
         """Return a closure with the errors inside the two maps that it joins; whether two agree is asked without."""
         keys, s = self._keys, self._s
-        recent = keys.chain(closure.b, 0.5 * s.local_length, s.local_scans, before=True)
+        recent = keys.chain(closure.b, 0.5 * s.local_length, LOCAL_SCANS, before=True)
         spread = keys.spread(recent, closure.b)
-        spread = spread + keys.spread(keys.chain(closure.a, 2.0 * s.local_length, s.local_scans), closure.a)
+        spread = spread + keys.spread(keys.chain(closure.a, 2.0 * s.local_length, LOCAL_SCANS), closure.a)
         return closure._replace(covariance=closure.covariance + in_frame(spread, keys.poses[closure.b, 2]))
 
     def _agree(self, one: Relation, other: Relation) -> bool:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.graph_settings import LOOP_SCORE, GraphSettings
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import surface_cloud
@@ -44,7 +44,7 @@ def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArr
     found = list[FloatArray]()
     for heading in 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS:
         guess = np.append(0.5 * (low + high), heading)
-        match = search(area, points, guess, window, coarseness=2, min_score=0.5 * settings.loop_score)
+        match = search(area, points, guess, window, coarseness=2, min_score=0.5 * LOOP_SCORE)
         if match is not None:
             found.append(refine(area, cloud, match.pose).pose)
     return np.array(found).reshape(-1, 3)

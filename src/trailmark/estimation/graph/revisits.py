@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.graph_settings import LOCAL_SCANS, LOOP_SCORE, GraphSettings
 from trailmark.estimation.graph.pose_graph import Relation
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.scans.clouds import relative
@@ -37,13 +37,13 @@ def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]
         own = np.flatnonzero(stretches == stretch)
         middle = int(own[len(own) // 2])
         # One map for all scans that see this stretch.
-        chain = keys.chain(middle, 1.5 * s.local_length, s.local_scans)
+        chain = keys.chain(middle, 1.5 * s.local_length, LOCAL_SCANS)
         area = keys.area(chain, keys.poses[middle], s.max_range + s.loop_distance, 0.0)
         for k in visitors[stretch]:
             cloud = keys.clouds[k]
             match = refine(area, cloud, keys.poses[k])
             shift = relative(keys.poses[k], match.pose)
-            if match.score < s.loop_score or np.hypot(*shift[:2]) > MAX_SHIFT[0] or abs(shift[2]) > MAX_SHIFT[1]:
+            if match.score < LOOP_SCORE or np.hypot(*shift[:2]) > MAX_SHIFT[0] or abs(shift[2]) > MAX_SHIFT[1]:
                 continue
             covariance, _ = match_covariance(area, cloud.points, match.pose, scatter=s.scatter)
             place = int(own[np.hypot(*(keys.poses[own, :2] - match.pose[:2]).T).argmin()])

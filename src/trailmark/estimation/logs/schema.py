@@ -16,8 +16,8 @@ from trailmark.arguments import brief
 from trailmark.checked import Finite, Positive, Rule, checked, shaped
 from trailmark.errors import expected_name
 from trailmark.estimation.errors import RecordError
+from trailmark.estimation.filter.covariance import is_covariance
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
-from trailmark.se2 import FloatArray
 
 __all__ = ["Header", "Landmark", "parse", "parse_header"]
 
@@ -41,15 +41,9 @@ class Landmark(NamedTuple):
     y: float
 
 
-def _is_covariance(matrix: FloatArray) -> bool:
-    spread = np.linalg.eigvalsh(matrix)
-    return np.array_equal(matrix, matrix.T) and bool(spread[0] >= -1e-9 * abs(spread[-1]))
-
-
 def _covariance(size: int) -> Any:
-    rule = shaped(size, size)
     text = f"{size} rows of {size} finite numbers, symmetric and not negative"
-    return Annotated[ArrayLike, Rule(text, lambda matrix: rule.holds(matrix) and _is_covariance(matrix))]
+    return Annotated[ArrayLike, Rule(text, lambda matrix: is_covariance(matrix, size))]
 
 
 def _are_ranges(values: list[Any]) -> bool:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -21,12 +21,20 @@ from trailmark.estimation.filter.sensor_model import SensorModel
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.slam.association import NEW, Associator, repeats
 from trailmark.estimation.slam.feature_histories import FeatureHistories
-from trailmark.estimation.slam.field_of_view import FieldOfView
 from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult, Update
 from trailmark.estimation.slam.slam_settings import SlamSettings
 from trailmark.se2 import FloatArray
 
-__all__ = ["EkfSlam"]
+__all__ = ["CURVATURE", "EkfSlam"]
+
+ITERATIONS = 3
+"""How often at most the filter linearises an update anew: after two steps hardly anything changes."""
+
+CURVATURE = 6.0
+"""By what the mean square of what a linearised reading misses is multiplied to count as its noise. With 0, the filter
+of the books, features are too sure where bearings are coarse, since an error β takes r β²/2 from the range r. 1 gives
+right variances. 6 gives a right confidence of 0.99 after one reading as well, though β² has a longer tail than a normal
+deviate: with the quantiles t of χ²₁ and s of χ²₂, c of t + (t/2)² / (0.75 c) = s is 5.7."""
 
 
 class EkfSlam:
@@ -36,7 +44,7 @@ class EkfSlam:
         - Odometry holds from its time on until the next; increments end at their time. Both add up.
         - At one instant motion comes before readings, whatever their order in the log; all readings of an instant
           are associated and used together, once a later record comes or :meth:`finish` is called.
-        - A record older than one already processed is an error, or skipped and counted (``settings.late``).
+        - A record older than one already processed is an error.
         - A record that repeats one of the same instant is skipped and counted: odometry or an increment with the same
           numbers, a detection with the same identity or the same reading.
 
@@ -48,7 +56,6 @@ class EkfSlam:
         sensors: the sensor model of each kind of detection (``Detection.kind``).
         velocity: the model for odometry records, u = (v, ω, dt).
         increment: the model for increments, u = (dx, dy, dθ).
-        find: what finds detections in a scan; None leaves scans out.
         settings: how readings find their features.
         start: first pose.
         P: its covariance, shape (3, 3); None for a pose that is certain (the origin of the map, in SLAM).
@@ -64,7 +71,6 @@ class EkfSlam:
         *,
         velocity: MotionModel | None = None,
         increment: MotionModel | None = None,
-        find: Callable[[Scan], Sequence[Detection]] | None = None,
         settings: SlamSettings | None = None,
         start: ArrayLike = (0.0, 0.0, 0.0),
         P: ArrayLike | None = None,
@@ -74,19 +80,17 @@ class EkfSlam:
         self.settings = SlamSettings() if settings is None else settings
         if "auto" in (self.settings.association, self.settings.outlier_gate):
             raise EstimationError("EkfSlam: expected settings without 'auto', which map_log alone can resolve")
-        s = self.settings
-        self.filter = SlamFilter(start, P, mode, error=s.error, iterations=s.iterations, curvature=s.curvature)
+        self.filter = SlamFilter(start, P, mode, iterations=ITERATIONS, curvature=CURVATURE)
         self.counts = Counts()
         self.time = -np.inf
         self._sensors = dict(sensors)
-        self._velocity_model, self._increment_model, self._find = velocity, increment, find
+        self._velocity_model, self._increment_model = velocity, increment
         self._pose_covariance = pose_covariance
         self._odometry: Odometry | None = None
         self._increment: Increment | None = None
         self._waiting: list[Detection] = []
         self._features = FeatureHistories(self.filter, self.settings)
         self._associator = Associator(self.filter, self.settings, self.counts)
-        self._views: dict[str, FieldOfView] = {}
         self._trajectory: list[tuple[float, FloatArray, FloatArray]] = []
         self._updates: list[Update] = []
         self._assignments: list[Assignment] = []
@@ -104,7 +108,7 @@ class EkfSlam:
         """Process all records and return the result.
 
         Raises:
-            RecordError: a late record (where they are not skipped), or one of a kind that no model was given for.
+            RecordError: a late record, or one of a kind that no model was given for.
         """
         if not isinstance(records, Iterable):
             raise EstimationError(f"run: expected records, got {brief(records)}")
@@ -126,13 +130,10 @@ class EkfSlam:
             self.counts.not_estimated_from += 1
             return
         if record.t < self.time:
-            if self.settings.late == "raise":
-                raise RecordError(
-                    f"expected records in the order of time, got {type(record).__name__} at {record.t:.6f} s "
-                    f"after one at {self.time:.6f} s"
-                )
-            self.counts.late += 1
-            return
+            raise RecordError(
+                f"expected records in the order of time, got {type(record).__name__} at {record.t:.6f} s "
+                f"after one at {self.time:.6f} s"
+            )
         if record.t > self.time:
             self.finish()
             self._advance(record.t)
@@ -142,7 +143,7 @@ class EkfSlam:
             case Increment():
                 self._move(record)
             case Detection():
-                self._collect([record])
+                self._collect(record)
             case Scan():
                 self._scan(record)
             case Pose():
@@ -162,8 +163,6 @@ class EkfSlam:
             more_nis, more_dof = self._update(self._sensors[kind], detections, assigned)
             self._start_features(self._sensors[kind], detections, assigned)
             nis, dof = nis + more_nis, dof + more_dof
-            if self.settings.absences is not None and self.settings.association != "known":
-                self._miss(kind, detections)
         self.counts.dropped += self._features.drop_stale(self.time)
         self._remember()
         self._updates.append(Update(self.time, nis, dof, perf_counter() - begin))
@@ -226,26 +225,22 @@ class EkfSlam:
         if record.pose is not None and self.filter.mode == "mapping":
             self.filter.set_pose(record.pose, self._pose_covariance)
             self._remember()
-        if self._find is None:
-            self.counts.not_estimated_from += 1
-        else:
-            self._collect(self._find(record))
+        self.counts.not_estimated_from += 1
 
-    def _collect(self, detections: Sequence[Detection]) -> None:
-        """Let detections wait for the others of their instant."""
-        for detection in detections:
-            self.counts.detections += 1
-            if not isinstance(detection.kind, str) or detection.kind not in self._sensors:
-                raise RecordError(
-                    f"Detection at {detection.t:.6f} s: kind with a sensor model: "
-                    f"{expected_name(str(detection.kind), self._sensors)}"
-                )
-            if not isinstance(detection.identity, int | np.integer | None):
-                raise RecordError(f"identity: expected a whole number or None, got {brief(detection.identity)}")
-            if any(repeats(detection, other) for other in self._waiting):
-                self.counts.repeated += 1
-            else:
-                self._waiting.append(detection)
+    def _collect(self, detection: Detection) -> None:
+        """Let a detection wait for the others of its instant."""
+        self.counts.detections += 1
+        if not isinstance(detection.kind, str) or detection.kind not in self._sensors:
+            raise RecordError(
+                f"Detection at {detection.t:.6f} s: kind with a sensor model: "
+                f"{expected_name(str(detection.kind), self._sensors)}"
+            )
+        if not isinstance(detection.identity, int | np.integer | None):
+            raise RecordError(f"identity: expected a whole number or None, got {brief(detection.identity)}")
+        if any(repeats(detection, other) for other in self._waiting):
+            self.counts.repeated += 1
+        else:
+            self._waiting.append(detection)
 
     def _update(
         self, sensor: SensorModel, detections: Sequence[Detection], assigned: Sequence[int]
@@ -279,19 +274,6 @@ class EkfSlam:
         if not known and self.settings.merge_gate is not None and self.filter.mode == "slam":
             self._features.separate(seen)
             self._merge(seen)
-
-    def _miss(self, kind: str, detections: Sequence[Detection]) -> None:
-        """Count which features should have been read at this instant, and were not."""
-        view = self._views.setdefault(kind, FieldOfView())
-        prediction = self.filter.predict_readings(self._sensors[kind])
-        inside = view.holds(prediction.z_hat)
-        missed = [
-            i
-            for i, held in zip(prediction.ids, inside, strict=True)
-            if held and self._features.histories[i].last < self.time
-        ]
-        self.counts.absent += self._features.drop_absent(missed)
-        view.learn(np.array([detection.z for detection in detections]))
 
     def _merge(self, seen: list[int]) -> None:
         """Merge features that were seen now with others that may be the same, in what was written down, too."""

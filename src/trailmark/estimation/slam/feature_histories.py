@@ -22,8 +22,6 @@ class FeatureHistory:
     confirmed: bool
     last: float
     readings: int = 1
-    absences: int = 0
-    """Instants in a row at which it should have been read, and was not."""
     seen_with: set[int] = field(default_factory=set)
     """Features that were read at one instant with it: they are not the same."""
 
@@ -51,7 +49,7 @@ class FeatureHistories:
         """Count a reading of each of these features, all of one instant."""
         for feature in features:
             history = self.histories[feature]
-            history.readings, history.last, history.absences = history.readings + 1, time, 0
+            history.readings, history.last = history.readings + 1, time
             history.confirmed = history.confirmed or history.readings >= self._settings.confirm
 
     def separate(self, features: list[int]) -> None:
@@ -69,17 +67,6 @@ class FeatureHistories:
         for i in stale:
             self._remove(i)
         return len(stale)
-
-    def drop_absent(self, features: list[int]) -> int:
-        """Count that these should have been read and were not; drop those that are not there; return how many."""
-        absent = []
-        for feature in features:
-            self.histories[feature].absences += 1
-            if self._settings.absences is not None and self.histories[feature].absences > self._settings.absences:
-                absent.append(feature)
-        for feature in absent:
-            self._remove(feature)
-        return len(absent)
 
     def merge(self, features: list[int]) -> dict[int, int]:
         """Merge these features with others that may be the same; return which became which.
@@ -124,7 +111,7 @@ class FeatureHistories:
 
     def _join(self, keep: int, drop: int) -> None:
         merged, other = self.histories[keep], self.histories.pop(drop)
-        merged.readings, merged.absences = merged.readings + other.readings, min(merged.absences, other.absences)
+        merged.readings += other.readings
         merged.confirmed, merged.last = merged.confirmed or other.confirmed, max(merged.last, other.last)
         merged.seen_with |= other.seen_with
         for history in self.histories.values():

@@ -21,11 +21,9 @@ class Counts:
     records: int = 0
     """All of them."""
     detections: int = 0
-    """Detections, those found in scans included."""
+    """Detections."""
     used: int = 0
     """Detections that corrected the state or started a feature."""
-    late: int = 0
-    """Records older than what had been processed, skipped."""
     repeated: int = 0
     """Records that say again what one of the same instant said, skipped."""
     ambiguous: int = 0
@@ -37,11 +35,9 @@ class Counts:
     unknown: int = 0
     """Detections of what the known map does not hold, ignored."""
     not_estimated_from: int = 0
-    """Poses that are truth or a reference, and scans that no feature is extracted from."""
+    """Poses that are truth or a reference, and scans."""
     dropped: int = 0
     """Tentative features that were not seen again in time."""
-    absent: int = 0
-    """Features that were not seen where they should have been, and were dropped."""
     merged: int = 0
     """Features that turned out to be another one."""
     cut_short: int = 0
