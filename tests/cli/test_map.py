@@ -121,7 +121,7 @@ def test_the_json_object(shell: Shell, log: Path, tmp_path: Path) -> None:
     assert found["risk"] == pytest.approx({"confidence": 0.95, "collision_at_most": 0.05})
     assert found["obstacles"]["discs"] == 8
     assert found["written"] == {
-        **dict.fromkeys(("trajectory", "nav2", "graph")),
+        **dict.fromkeys(("trajectory", "nav2")),
         "world": str(file),
         "plot": str(picture),
     }

@@ -83,11 +83,6 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             estimation.disc_estimates,
             {"points": [[1.0, 1.0]], "covariances": [np.eye(2)], "radius": 1.0, "radius_sigma": 0.1},
         ),
-        "hull_estimate": (
-            estimation.hull_estimate,
-            {"readings": PATH_XY, "covariance": np.eye(2), "ratio": 1.0},
-        ),
-        "plain_box": (estimation.plain_box, {"readings": PATH_XY}),
         "wall_estimate": (
             estimation.wall_estimate,
             {
@@ -125,7 +120,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "SlamFilter": (
             SlamFilter,
-            {"pose": PATH[0], "P": np.eye(3), "mode": "slam", "error": "invariant", "iterations": 1},
+            {"pose": PATH[0], "P": np.eye(3), "mode": "slam", "iterations": 1},
         ),
         "predict": (
             lambda **given: filled().predict(**given),
@@ -148,13 +143,12 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "add_feature": (lambda **given: filled().add_feature(**given), {"z": (2.0, 0.5), "sensor": SENSOR, "R": None}),
         "add_known_feature": (
             lambda **given: filled().add_known_feature(**given),
-            {"feature": (2.0, 0.5), "P": np.eye(2), "kind": "point"},
+            {"feature": (2.0, 0.5), "P": np.eye(2)},
         ),
         "remove_feature": (lambda **given: filled().remove_feature(**given), {"feature_id": 0}),
         "merge_features": (lambda **given: filled().merge_features(**given), {"keep": 0, "drop": 1}),
         "feature": (filled().feature, {"feature_id": 0}),
         "feature_covariance": (filled().feature_covariance, {"feature_id": 0}),
-        "kind": (filled().kind, {"feature_id": 0}),
         "EkfSlam": (
             EkfSlam,
             {
@@ -170,7 +164,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "add_landmark": (
             lambda **given: slam().add_landmark(**given),
-            {"feature": (1.0, 1.0), "P": None, "identity": 3, "kind": "point"},
+            {"feature": (1.0, 1.0), "P": None, "identity": 3},
         ),
         "run": (lambda **given: slam().run(**given), {"records": LOG.records}),
         "process": (lambda **given: slam().process(**given), {"record": LOG.records[-1]}),
@@ -190,7 +184,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "ScanSettings": (ScanSettings, {"sigma_range": 0.1, "max_range": 9.0}),
         "MappingSettings": (
             MappingSettings,
-            {"pose_sigma": (0.1, 0.1), "cell": 0.1, "shapes": "hulls"},
+            {"pose_sigma": (0.1, 0.1), "cell": 0.1},
         ),
         "MapSettings": (
             MapSettings,
@@ -203,9 +197,6 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Detector": (Detector, {"model": SENSOR, "max_range": 1.0, "identities": True, "detection_rate": 0.5}),
         "Scanner": (Scanner, {"beams": 3, "field_of_view": 1.0, "mount": (0, 0, 0), "bounds": True, "drop_out": 0.1}),
     }
-
-
-PATH_XY = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]
 
 
 def slam() -> EkfSlam:

@@ -76,9 +76,6 @@ def map_log(
     nav2: Annotated[
         str | None, _option("--nav2", "MAP.yaml", "Write the map for nav2 too: MAP.yaml and MAP.pgm beside it.")
     ] = None,
-    graph: Annotated[
-        str | None, _option("--graph", "FILE.g2o", "Write the graph of matched scans (--poses match).")
-    ] = None,
     as_json: JsonOption = False,
     skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave out bad records, and say how many.")] = False,
     poses: Annotated[
@@ -115,21 +112,20 @@ def map_log(
     body = read_robot(robot)
     world_file = output_file(output, WORLD_SUFFIXES)
     picture = output_file(plot, PICTURE_SUFFIXES)
-    tum_file, g2o_file = output_file(trajectory, TRAJECTORY_SUFFIXES), output_file(graph, (".g2o",))
+    tum_file = output_file(trajectory, TRAJECTORY_SUFFIXES)
     nav2_file = output_file(nav2, WORLD_SUFFIXES)
     image_file = None if nav2_file is None else output_file(str(nav2_file.with_suffix(".pgm")), (".pgm",))
 
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
         from trailmark.estimation.errors import NotCertifiedError
-        from trailmark.estimation.graph.g2o import write_g2o
         from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.maps.log_map import map_log as map_records
         from trailmark.formats.nav2_output import save_nav2_map
         from trailmark.formats.tum import write_tum
 
         inputs = (*log_files(log), *robot_file(robot), *(() if settings is None else (Path(settings),)))
-        protect_inputs(inputs, world_file, picture, tum_file, g2o_file, nav2_file, image_file)
+        protect_inputs(inputs, world_file, picture, tum_file, nav2_file, image_file)
         if nav2_file is not None and nav2_file == world_file:
             raise UsageError(f"expected another file than --output for --nav2, got {nav2!r} twice")
         chosen, reading = read_map_settings(settings)
@@ -176,18 +172,13 @@ def map_log(
         if nav2_file is not None:
             side = chosen.mapping.cell_side(read.cell) if mapped.scans is None else mapped.scans.grid.cell
             written += save_nav2_map(mapped.world, nav2_file, side)
-        if g2o_file is not None:
-            if mapped.matched is None:
-                raise UsageError(f"--graph {graph!r} given with poses by {mapped.poses}, allowed: --poses match")
-            write_g2o(g2o_file, mapped.trajectory[mapped.matched.keys, 1:], mapped.matched.relations)
-            written.append(g2o_file)
 
     if read.dropped:
         typer.echo(f"trailmark: {plural(read.dropped, 'bad record')} left out of {log}", err=True)
     for warning in mapped.warnings:
         console.warn(warning)
     if as_json:
-        files = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2, "graph": graph}
+        files = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2}
         record = {"log": log, **mapped.figures(), "robot": body and body.describe(), "written": files}
         console.say(console.json_text(record))
     else:

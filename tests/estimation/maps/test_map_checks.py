@@ -82,7 +82,7 @@ def test_maps_of_detections_that_look_wrong() -> None:
 def unnamed(places: list[list[float]], read: NDArray[np.bool_]) -> SlamResult:
     """Read from the origin, whichever the rows say; a second an instant."""
     trajectory = np.column_stack([np.arange(float(len(read))), np.zeros((len(read), 3))])
-    features = tuple(MapFeature(i, None, "point", np.array(p), np.eye(2), 9) for i, p in enumerate(places))
+    features = tuple(MapFeature(i, None, np.array(p), np.eye(2), 9) for i, p in enumerate(places))
     assignments = []
     for t, i in np.argwhere(read).tolist():
         x, y = places[i]

@@ -78,44 +78,6 @@ def test_errors_that_poses_have_in_common_do_not_average_out() -> None:
     assert values.mean() > 0.5
 
 
-@pytest.mark.slow
-def test_errors_of_different_episodes_average_out_and_no_more() -> None:
-    """Each episode shares one error of its poses; episodes are of unequal length."""
-    errors, stated = [], []
-    lengths = (1, 2, 6)
-    for seed in trials(30, of=2):
-        rng = np.random.default_rng(seed)
-        tracks = LineTracks(0.999999, POSE_SIGMA, 0.3)
-        for episode, length in enumerate(lengths):
-            offset = rng.multivariate_normal(np.zeros(3), POSE_SIGMA)
-            for scan in scans(WALL, length, rng):
-                seen, features = find_features(scan, SETTINGS)
-                pose = np.asarray(scan.pose) + offset
-                tracks.update([tracks.observation(fit, seen.points, pose) for fit in features.lines], episode)
-        assert all(tracks.episodes[0][i] >= length for i, length in enumerate(lengths))
-        errors.append(tracks.difference(tracks.states[0], np.array([3.0, 0.0])))
-        stated.append(tracks.covariance(0))
-    values = nees(errors, stated)
-    assert average(values, 2.0, probability=0.999).mean < average(values, 2.0, probability=0.999).high
-    assert values.mean() > 0.5
-
-
-def test_more_episodes_are_known_better() -> None:
-    by_episodes = []
-    for episodes in (1, 3, 9):
-        tracks = LineTracks(0.999, POSE_SIGMA, 0.3)
-        for i, scan in enumerate(scans(WALL, 9, np.random.default_rng(1))):
-            seen, features = find_features(scan, SETTINGS)
-            lines = [tracks.observation(fit, seen.points, np.asarray(scan.pose)) for fit in features.lines]
-            tracks.update(lines, i * episodes // 9)
-        by_episodes.append(tracks.covariance(0) - tracks.P[0])
-    for n, part in zip((3, 9), by_episodes[1:], strict=True):
-        ratio = float(part[0, 0] / by_episodes[0][0, 0])
-        assert part == pytest.approx(ratio * by_episodes[0])
-        # A scan may see the wall in two pieces, so that the shares are not quite equal; equal ones give the least.
-        assert 1.0 / n - 1e-12 <= ratio < 1.2 / n
-
-
 def test_the_two_faces_of_a_thin_wall_are_two_lines() -> None:
     thin = shapely.box(3.0, -2.0, 3.08, 2.0)
     rng = np.random.default_rng(3)
@@ -159,7 +121,6 @@ def test_lines_that_turn_out_to_be_one_are_joined() -> None:
     at = np.flatnonzero(np.abs(tracks.states[:, 1]) < 0.2)
     assert len(at) == 1
     assert tracks.scans[at[0]] == 11
-    assert sum(tracks.episodes[at[0]].values()) == 11
     assert sum(sum(map(len, own)) for own in tracks.readings) == before
     assert tracks.states[at[0]] == pytest.approx([3.0, 0.0], abs=0.02)
 

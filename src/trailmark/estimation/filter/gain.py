@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import subtract_square
-from trailmark.se2 import FloatArray, wrap
+from trailmark.se2 import FloatArray
 
-__all__ = ["Gain", "Innovation", "Prediction", "SparseJacobian", "correct_part", "gain_of"]
+__all__ = ["Gain", "Innovation", "Prediction", "SparseJacobian", "correct_features", "gain_of"]
 
 
 class Innovation(NamedTuple):
@@ -135,23 +135,15 @@ def gain_of(
     return Gain(H, y, S, W, L_inverse, W @ scaled, float(scaled @ scaled))
 
 
-def correct_part(x: FloatArray, P: FloatArray, gain: Gain, mode: Literal["localisation", "mapping"]) -> FloatArray:
-    """Return the state with only its pose ("localisation") or only its features ("mapping") corrected, shape (n,).
+def correct_features(x: FloatArray, P: FloatArray, gain: Gain) -> FloatArray:
+    """Return the state with only its features corrected, shape (n,), for a pose that is given.
 
-    P is changed in place to what it is without the other part's gain: the errors of what is given still count
-    (Schmidt's consider filter).
+    P is changed in place to what it is without the pose's gain: the errors of what is given still count (Schmidt's
+    consider filter).
     """
     W, step, pose, features = gain.W, gain.step.copy(), slice(0, 3), slice(3, None)
-    if mode == "localisation":
-        step[features] = 0.0
-        P[pose] -= W[pose] @ W.T
-        P[pose, pose] = 0.5 * (P[pose, pose] + P[pose, pose].T)
-        P[features, pose] = P[pose, features].T
-    else:
-        step[pose] = 0.0
-        P[pose, features] -= W[pose] @ W[features].T
-        P[features, pose] = P[pose, features].T
-        subtract_square(P, W, 3)
-    after = x + step
-    after[2] = wrap(float(after[2]))
-    return np.asarray(after)
+    step[pose] = 0.0
+    P[pose, features] -= W[pose] @ W[features].T
+    P[features, pose] = P[pose, features].T
+    subtract_square(P, W, 3)
+    return np.asarray(x + step)

@@ -47,8 +47,6 @@ class SensorModel(Protocol):
     Subclass it, with either :meth:`linearised` or H_pose and H_feature, to get the others.
     """
 
-    feature_kind: ClassVar[str]
-    """What its features are ("point", "line"): it reads no others."""
     feature_dim: ClassVar[int]
     """d."""
     reading_dim: ClassVar[int]

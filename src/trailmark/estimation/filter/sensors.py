@@ -1,5 +1,5 @@
 # ruff: noqa: E741, N802, N803, N806 # the names are the filter's own symbols: x, z, l, h, H, V, R
-"""Sensor models: range and bearing, points, lines.
+"""Sensor models: range and bearing, or x and y, of points.
 
 Range and bearing, and the inverse that starts a feature from its first reading, are those of Thrun, Burgard & Fox
 2005, Probabilistic Robotics, sections 6.6 and 10.2.
@@ -28,7 +28,6 @@ NEAREST = 1e-9
 class _TwoNumbers(SensorModel):
     """Readings of two numbers of a feature that has two, each with its own noise: the dataclass's first two fields."""
 
-    feature_kind: ClassVar[str] = "point"
     feature_dim: ClassVar[int] = 2
     reading_dim: ClassVar[int] = 2
 

@@ -124,7 +124,7 @@ def _relabelled(result: SlamResult, labels: Labels) -> SlamResult:
     """Return EKF-SLAM's result with these features, and which reading is of which."""
     identity = np.zeros((2, 2))
     features = tuple(
-        MapFeature(i, None, "point", place, identity, int(count))
+        MapFeature(i, None, place, identity, int(count))
         for i, (place, count) in enumerate(zip(labels.places, labels.counts(), strict=True))
     )
     assignments = tuple(

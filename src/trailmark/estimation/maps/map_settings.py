@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -11,7 +10,6 @@ from trailmark.checked import (
     Finite,
     NonNegative,
     Positive,
-    PositiveOrInfinite,
     checked_fields,
 )
 from trailmark.estimates import Frame
@@ -41,18 +39,13 @@ class MappingSettings:
     scan: ScanSettings = field(default_factory=ScanSettings)
     """What is known of the scanner."""
     pose_sigma: tuple[NonNegative, NonNegative] = (0.02, 0.005)
-    """Standard deviation of the poses: of x and y each (metres), of theta (radians)."""
-    pose_memory: PositiveOrInfinite = math.inf
-    """Metres of driving after which the errors of poses are others: within them they do not average out. Infinite for
-    dead reckoning; a few metres for poses that a SLAM program has corrected."""
+    """Standard deviation of the poses: of x and y each (metres), of theta (radians). Errors of poses do not average
+    out."""
     cell: Positive | None = None
     """Side of the grid's cells, metres; by default 0.05, or the side of an exploration's own cells if its log states a
     larger one: its beams are about as far apart, and smaller cells between them would stay unknown."""
     confirm: Count = 3
     """Scans that must have shown a feature; others are dropped."""
-    shapes: Literal["fitted", "hulls", "boxes"] = "fitted"
-    """What obstacles are drawn as. "fitted": walls as rectangles with thickness, discs, and cells for the rest;
-    "hulls": the convex hull of each one's end points; "boxes": their plain box, as in the source's Algorithm 2."""
     unknown: Literal["blocked", "free"] = "blocked"
     """What no beam has reached, or what is separated from where the robot was: an obstacle, or free."""
 

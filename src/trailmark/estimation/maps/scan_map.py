@@ -53,15 +53,15 @@ class ScanMap(NamedTuple):
     world: World
     """Its obstacles are the estimates' means: walls, discs, groups of cells; last, without estimates, the unknown."""
     readings: tuple[FloatArray, ...]
-    """The end points behind each wall and disc, arrays of shape (n, 2): see :func:`trailmark.estimation.plain_box`."""
+    """The end points behind each wall and disc, arrays of shape (n, 2)."""
     poses: FloatArray
     """Where the scans were taken, shape (m, 3)."""
     grid: EvidenceGrid
     """Hits and passes."""
     walls: int
-    """How many obstacles are walls, or boxes or hulls of their end points."""
+    """How many obstacles are walls."""
     discs: int
-    """How many are discs, or boxes or hulls of those."""
+    """How many are discs."""
     dropped: int
     """Lines and discs that too few scans showed."""
 
@@ -175,8 +175,6 @@ def _read(
     grid = EvidenceGrid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), cell)
     lines, discs = LineTracks(TRACK_GATE, covariances[0], GAP), DiscTracks(TRACK_GATE, covariances[0])
     place, heading = np.sqrt(0.5 * (covariances[:, 0, 0] + covariances[:, 1, 1])), np.sqrt(covariances[:, 2, 2])
-    driven = np.cumsum(np.hypot(*np.diff(x[:, :2], axis=0, prepend=x[:1, :2]).T))
-    episodes = np.floor(driven / s.pose_memory).astype(np.intp)
     stood, times = x[0], 0
     for i, (scan, pose) in enumerate(zip(scans, x, strict=True)):
         start, ends, met = beam_ends(scan, pose, s)
@@ -191,8 +189,8 @@ def _read(
             continue
         lines.pose_covariance = discs.pose_covariance = covariances[i]
         hits, features = find_features(scan, s.scan)
-        lines.update([lines.observation(fit, hits.points, pose) for fit in features.lines], int(episodes[i]))
-        discs.update([discs.observation(fit, hits.points, pose) for fit in features.discs], int(episodes[i]))
+        lines.update([lines.observation(fit, hits.points, pose) for fit in features.lines])
+        discs.update([discs.observation(fit, hits.points, pose) for fit in features.discs])
     return grid, lines, discs
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.maps.evidence import EvidenceGrid
 from trailmark.estimation.maps.map_settings import MappingSettings
-from trailmark.estimation.maps.obstacle_estimates import hull_estimate, plain_box, wall_estimate
+from trailmark.estimation.maps.obstacle_estimates import wall_estimate
 from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Shape
@@ -78,10 +78,6 @@ def find_obstacles(
         walls, posts = (_facing(found, seen_free, grid) for found in (walls, posts))
     explained = _explained(occupied, [estimate.mean for estimate, _ in walls + posts], grid)
     heaps, unknown = _cells(grid, occupied & ~explained, explained, seen_free, s)
-    if s.shapes != "fitted":
-        walls, posts = (_redrawn(found, grid, s) for found in (walls, posts))
-        outlines = [(estimate, estimate.mean.polygon().vertices) for estimate in heaps]
-        heaps = [estimate for estimate, _ in _redrawn(outlines, grid, s)]
     return MapObstacles(walls, posts, heaps, unknown)
 
 
@@ -221,16 +217,3 @@ def _place_variance(hits: NDArray[np.int32], variance: NDArray[np.float32], s: M
     Only so much is assumed to average out: the errors of consecutive poses are alike.
     """
     return s.scan.sigma_range**2 + float(variance.sum()) / max(1, int(hits.sum()))
-
-
-def _redrawn(found: Found, grid: EvidenceGrid, s: MappingSettings) -> Found:
-    """Return obstacles as boxes or hulls of their end points, which are as uncertain as one of these."""
-    redrawn: Found = []
-    for _, points in found:
-        cells = grid.cells(points)
-        covariance = _place_variance(grid.hits[cells], grid.variance[cells], s) * np.eye(2)
-        if s.shapes == "hulls":
-            redrawn.append((hull_estimate(points, covariance), points))
-        else:
-            redrawn.append((ObstacleEstimate(plain_box(points), covariance), points))
-    return redrawn

@@ -96,11 +96,9 @@ class EkfSlam:
         self._assignments: list[Assignment] = []
 
     @checked_arguments(EstimationError)
-    def add_landmark(
-        self, feature: ArrayLike, P: ArrayLike | None = None, *, identity: int | None = None, kind: str = "point"
-    ) -> int:
+    def add_landmark(self, feature: ArrayLike, P: ArrayLike | None = None, *, identity: int | None = None) -> int:
         """Add a feature of a known map and return its id in the filter; P None for one that is certain."""
-        feature_id = self.filter.add_known_feature(feature, P, kind=kind)
+        feature_id = self.filter.add_known_feature(feature, P)
         self._features.add(feature_id, identity, confirmed=True, time=self.time, readings=0)
         return feature_id
 
@@ -173,7 +171,6 @@ class EkfSlam:
             MapFeature(
                 i,
                 history.identity,
-                self.filter.kind(i),
                 self.filter.feature(i),
                 self.filter.feature_covariance(i),
                 history.readings,
@@ -260,9 +257,7 @@ class EkfSlam:
         known, seen = self.settings.association == "known", list[int]()
         for detection, i in zip(detections, assigned, strict=True):
             feature = i if i >= 0 else None
-            if i == NEW and self.filter.mode == "localisation":
-                self.counts.unknown += 1
-            elif i == NEW:
+            if i == NEW:
                 feature = self.filter.add_feature(detection.z, sensor, detection.covariance)
                 identity = detection.identity if known else None
                 confirmed = known or self.settings.confirm == 1

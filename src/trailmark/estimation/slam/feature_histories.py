@@ -81,11 +81,7 @@ class FeatureHistories:
             if i in gone:
                 continue
             history = self.histories[i]
-            others = [
-                j
-                for j in self.histories
-                if j != i and j not in history.seen_with and self._filter.kind(j) == self._filter.kind(i) == "point"
-            ]
+            others = [j for j in self.histories if j != i and j not in history.seen_with]
             if not others:
                 continue
             d2 = self._differences(i, others)

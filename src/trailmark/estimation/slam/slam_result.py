@@ -32,8 +32,6 @@ class Counts:
     """Detections of a known identity too far from what they should have read, ignored."""
     unidentified: int = 0
     """Detections without the identity that the association asks for, ignored."""
-    unknown: int = 0
-    """Detections of what the known map does not hold, ignored."""
     not_estimated_from: int = 0
     """Poses that are truth or a reference, and scans."""
     dropped: int = 0
@@ -77,8 +75,6 @@ class MapFeature(NamedTuple):
     """Its id in the filter."""
     identity: int | None
     """The number that the sensor gives it, where identities are known."""
-    kind: str
-    """"point" or "line"."""
     mean: FloatArray
     """Shape (d,)."""
     covariance: FloatArray
