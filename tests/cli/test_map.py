@@ -177,7 +177,7 @@ def test_without_certified_features_no_confidence_is_given(shell: Shell, log: Pa
 def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> None:
     log.write_text("".join(log.read_text().splitlines(keepends=True)[:130]))  # in which all posts are seen
 
-    def areas(*words: str) -> float:
+    def areas(*words: object) -> float:
         assert shell("map", log, "--output", tmp_path / "world.yaml", "--confidence", "0.99", *words).status == 0
         return sum(shape.area for shape in World.load(tmp_path / "world.yaml").obstacles)
 

@@ -18,7 +18,6 @@ from trailmark.estimation import (
     Detection,
     Detector,
     EkfSlam,
-    EstimationError,
     Increment,
     Log,
     MappingSettings,
@@ -238,24 +237,3 @@ def test_all_public_callables_are_tried() -> None:
     }
     values |= {"MotionModel", "SensorModel", "Pose", "Scan", "Log", "Simulation", "SlamResult"}
     assert set(estimation.__all__) - set(NAMES) == values - {"MapFeature"}
-
-
-@pytest.mark.parametrize(
-    ("name", "wrong", "said"),
-    [
-        (
-            "simulate",
-            {"random_state": 1.5},
-            "simulate: random_state: expected a whole number of 0 or more or .*, got 1.5",
-        ),
-        ("simulate", {"period": "1"}, "simulate: period: expected a finite number above 0, got '1'"),
-        ("grow", {"confidence": float("nan")}, "grow: confidence: expected a number above 0 and below 1, got nan"),
-        ("map_log", {"log": "drive.jsonl"}, "map_log: log: expected Log, got 'drive.jsonl'"),
-        ("update", {"z": ("1", "2")}, "readings: .* is not an array of numbers"),
-        ("predict", {"motion": SENSOR}, "predict: motion: expected MotionModel, got RangeBearing"),
-    ],
-)
-def test_messages(name: str, wrong: dict[str, Any], said: str, tmp_path: Path) -> None:
-    call, right = entries(tmp_path / "log.jsonl")[name]
-    with pytest.raises(EstimationError, match=said):
-        call(**(right | wrong))

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from trailmark.estimation.filter.motion import MotionModel as MotionModel
     from trailmark.estimation.filter.motion import PoseIncrement as PoseIncrement
     from trailmark.estimation.filter.motion import Unicycle as Unicycle
-    from trailmark.estimation.filter.sensor_model import SensorModel as SensorModel
     from trailmark.estimation.filter.sensors import Cartesian as Cartesian
     from trailmark.estimation.filter.sensors import RangeBearing as RangeBearing
+    from trailmark.estimation.filter.sensors import SensorModel as SensorModel
     from trailmark.estimation.logs import load_log as load_log
     from trailmark.estimation.logs import save_log as save_log
     from trailmark.estimation.logs.records import Detection as Detection
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from trailmark.estimation.risk.growth import grow as grow
     from trailmark.estimation.risk.path_risk import path_risk as path_risk
     from trailmark.estimation.risk.spending import spend_risk as spend_risk
-    from trailmark.estimation.scans.scan_settings import ScanSettings as ScanSettings
+    from trailmark.estimation.scans.scan_features import ScanSettings as ScanSettings
     from trailmark.estimation.simulation.readings import refine_points as refine_points
     from trailmark.estimation.simulation.readings import sense_obstacles as sense_obstacles
     from trailmark.estimation.simulation.simulator import Simulation as Simulation
@@ -51,15 +51,14 @@ if TYPE_CHECKING:
     from trailmark.estimation.simulation.virtual_sensors import Scanner as Scanner
     from trailmark.estimation.slam.ekf_slam import EkfSlam as EkfSlam
     from trailmark.estimation.slam.slam_result import SlamResult as SlamResult
-    from trailmark.estimation.slam.slam_settings import SlamSettings as SlamSettings
+    from trailmark.estimation.slam.slam_result import SlamSettings as SlamSettings
 
 _NAMES = {
     "errors": "EstimationError NotCertifiedError RecordError",
     "filter.ekf": "SlamFilter",
     "filter.gain": "Innovation Prediction",
     "filter.motion": "MotionModel PoseIncrement Unicycle",
-    "filter.sensor_model": "SensorModel",
-    "filter.sensors": "Cartesian RangeBearing",
+    "filter.sensors": "Cartesian RangeBearing SensorModel",
     "logs": "load_log save_log",
     "logs.records": "Detection Increment Log Odometry Pose Scan",
     "maps.log_map": "map_log",
@@ -71,13 +70,12 @@ _NAMES = {
     "risk.path_risk": "path_risk",
     "risk.spending": "spend_risk",
     "risk.growth": "grow",
-    "scans.scan_settings": "ScanSettings",
+    "scans.scan_features": "ScanSettings",
     "simulation.readings": "refine_points sense_obstacles",
     "simulation.simulator": "Simulation simulate",
     "simulation.virtual_sensors": "Detector Scanner",
     "slam.ekf_slam": "EkfSlam",
-    "slam.slam_result": "SlamResult",
-    "slam.slam_settings": "SlamSettings",
+    "slam.slam_result": "SlamResult SlamSettings",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 

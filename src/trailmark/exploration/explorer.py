@@ -12,19 +12,18 @@ from trailmark.arguments import callback, each_of, one_of, whole
 from trailmark.errors import ConfigurationError, as_raised
 from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.background import postponed_interrupts
 from trailmark.exploration.cells import quarters
 from trailmark.exploration.course import Course
 from trailmark.exploration.exploration_folder import SavedExploration
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
-from trailmark.exploration.interruption import postponed_interrupts
 from trailmark.exploration.mapper import Intake, Mapper
 from trailmark.exploration.mappers import check_visible, mapper_for, sensor_of
-from trailmark.exploration.outlook import Strategy
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult, Status
 from trailmark.exploration.robots import DriveReport, ExploringRobot
 from trailmark.exploration.simulated_robot import SimulatedRobot
-from trailmark.exploration.strategies import strategy_of
+from trailmark.exploration.strategies import Strategy, strategy_of
 from trailmark.exploration.visible_area import evaluate
 from trailmark.planning import LandmarkPlanner
 from trailmark.se2 import FloatArray, configurations, difference

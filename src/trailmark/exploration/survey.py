@@ -14,9 +14,9 @@ from trailmark.exploration.cells import quarters
 from trailmark.exploration.certainty import expected_falls
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.reachability import CERTAIN, Reach
 from trailmark.exploration.result import Status
+from trailmark.exploration.strategies import Outlook
 from trailmark.exploration.travel import Travel
 from trailmark.exploration.views import expected_areas, nearest_looks
 from trailmark.planning.planner import LandmarkPlanner

@@ -88,14 +88,6 @@ def test_predictions_of_readings() -> None:
     assert np.array_equal(joint.reshape(40, 40).round(12), joint.reshape(40, 40).T.round(12))
 
 
-def test_no_features_no_predictions() -> None:
-    prediction = SlamFilter().predict_readings(SENSOR)
-    assert prediction.z_hat.shape == (0, 2)
-    assert prediction.S.shape == (0, 2, 2)
-    assert SlamFilter().joint_covariance(prediction).shape == (0, 2, 0, 2)
-    assert SlamFilter().update_batch(np.zeros((0, 2)), SENSOR, []).dof == 0
-
-
 def test_a_stated_covariance_counts_instead_of_the_sensor_s() -> None:
     stated = np.array([[0.04, 0.001], [0.001, 0.002]])
     for P in (np.zeros((3, 3)), np.diag([0.1, 0.1, 0.01])):
@@ -175,17 +167,6 @@ def test_ids_stay_when_others_go() -> None:
     assert ekf.feature_covariance(ids[3])[1, 1] == 3.0
     assert ekf.dim_x == len(ekf.x) == 9
     assert ekf.add_known_feature([9.0, 9.0]) not in ids
-
-
-def test_what_is_handed_out_is_a_copy() -> None:
-    ekf = SlamFilter((0, 0, 0), np.eye(3))
-    i = ekf.add_known_feature([1.0, 2.0], np.eye(2))
-    for array in (ekf.pose, ekf.pose_covariance, ekf.feature(i), ekf.feature_covariance(i)):
-        array[...] = 99.0
-    assert 99.0 not in ekf.x
-    assert 99.0 not in ekf.P
-    with pytest.raises(TypeError):
-        ekf.features[5] = slice(0, 2)  # type: ignore[index]  # the mapping is read-only
 
 
 def slam() -> SlamFilter:

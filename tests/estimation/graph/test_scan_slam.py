@@ -19,7 +19,7 @@ from trailmark.estimation.graph.submaps import KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative
 from trailmark.estimation.simulation.virtual_sensors import Scanner
-from trailmark.exploration.scan_matching import graph_settings
+from trailmark.exploration.scan_mapper import graph_settings
 from trailmark.se2 import FloatArray, compose
 
 BLOCK = (
@@ -105,15 +105,6 @@ def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     assert (np.hypot(*off.T) <= 3.0 * sigma).mean() > 0.99
     # And no larger than they need be.
     assert sigma.max() < 0.2
-
-
-@pytest.mark.slow
-def test_scans_between_nodes_have_poses_too() -> None:
-    """A robot that stands or crawls makes no nodes."""
-    slow = [scan._replace(t=scan.t + 0.1 * k) for scan in scans()[:20] for k in range(4)]
-    found = match_scans(slow, np.repeat(odometry()[:20], 4, axis=0))
-    assert len(found.keys) <= 20
-    assert np.hypot(*(found.poses - np.repeat(truth()[:20], 4, axis=0))[:, :2].T).max() < 0.1
 
 
 def test_scans_that_show_nothing_leave_odometry() -> None:

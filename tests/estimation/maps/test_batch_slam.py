@@ -26,8 +26,7 @@ from trailmark.estimation import (
     simulate,
 )
 from trailmark.estimation.graph.batch import Batch
-from trailmark.estimation.graph.odometry import OdometryTrack
-from trailmark.estimation.graph.readings import polar_readings
+from trailmark.estimation.graph.odometry import OdometryTrack, polar_readings
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.mapped_log import MappedLog
 from trailmark.se2 import compose

@@ -66,8 +66,8 @@ def test_by_the_poses_of_the_log(count: int, sigma: tuple[float, float]) -> None
 @pytest.mark.parametrize("count", [1, 20])
 def test_smoothed(count: int, sigma: tuple[float, float]) -> None:
     found = nees(count, sigma, MapSettings(), few(20, of=4))
-    # Where bearings are coarse, what a linearised reading misses counts six times, for the sake of the 0.99:
-    # covariances are too large on average. The five features of a run share its errors, too: over 60 runs with bearings of 0.3 rad
+    # Where bearings are coarse, what a linearised reading misses counts six times, for the sake of the 0.99, so that
+    # covariances are too large on average. The features of a run share its errors, too. Over 60 runs with 0.3 rad
     # the mean is 1.2, and that of the five runs that these mostly are scatters about it by 0.4.
     assert (0.5 if sigma[1] < 0.3 else 0.1) < found.mean() < 2.6
     assert not beyond(found)

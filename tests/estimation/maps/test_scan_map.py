@@ -18,7 +18,7 @@ from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Pose, Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.scan_map import ScanMap, map_scans
-from trailmark.estimation.scans.scan_settings import ScanSettings
+from trailmark.estimation.scans.scan_features import ScanSettings
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
@@ -121,13 +121,6 @@ def test_posts_are_discs() -> None:
     assert estimate.covariance.shape == (3, 3)
 
 
-def test_each_obstacle_has_its_readings() -> None:
-    found = mapped()
-    assert len(found.readings) == found.walls + found.discs
-    for shape, readings in zip(found.world.obstacles, found.readings, strict=False):
-        assert shapely.distance(shape.polygon(1e-3).shapely(), shapely.points(readings)).max() < 0.12
-
-
 def test_people_who_walk_on_leave_no_obstacle() -> None:
     assert shapely.distance(regions(mapped().world), shapely.Point(3.0, 2.5)).min() > 0.3
 
@@ -165,12 +158,6 @@ def test_beams_that_meet_nothing_clear_the_way(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("trailmark.estimation.maps.scan_map.CLEAR_RANGE", 4.0)
     world = map_scans(lost).world
     assert not open_at(world, inside)
-
-
-def test_progress_is_told() -> None:
-    told: list[tuple[int, int]] = []
-    map_scans(scans()[:3], settings=SETTINGS, on_progress=lambda done, total: told.append((done, total)))
-    assert told == [(1, 3), (2, 3), (3, 3)]
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -15,12 +14,12 @@ from tests.support.trials import few
 
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.scan_features import (
+    ScanSettings,
     find_features,
     jump_groups,
     scan_points,
     split_and_merge,
 )
-from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.se2 import transform
 
 SETTINGS = ScanSettings()
@@ -68,15 +67,6 @@ def test_beams_that_met_nothing_have_no_end_points() -> None:
 # --- Groups
 
 
-def test_things_that_stand_apart_are_groups() -> None:
-    things = [shapely.box(2, -0.3, 2.3, 0.3), shapely.box(2, 1.5, 2.3, 2.1), shapely.box(1, -3, 1.4, -2.5)]
-    scan = cast(things, (0.0, 0.0, 0.0), sigma_range=0.01, rng=np.random.default_rng(0))
-    seen = scan_points(scan, SETTINGS)
-    owner = np.array([[thing.distance(shapely.Point(p)) for thing in things] for p in seen.points]).argmin(axis=1)
-    found = sorted(group.tolist() for group in jump_groups(seen, SETTINGS))
-    assert found == sorted(np.flatnonzero(owner == i).tolist() for i in range(3))
-
-
 @pytest.mark.slow
 @settings(max_examples=few(40))
 @given(seeds, st.integers(1, 60), st.booleans())
@@ -88,24 +78,6 @@ def test_every_end_point_is_in_one_group(seed: int, n: int, whole_turn: bool) ->
     groups = jump_groups(seen, SETTINGS)
     assert sorted(np.concatenate([[], *groups]).tolist()) == list(range(len(seen.points)))
     assert all(len(group) for group in groups)
-
-
-def test_a_whole_turn_has_no_beginning() -> None:
-    # The wall lies where the sweep begins and ends.
-    wall = shapely.box(-2.2, -1.0, -2.0, 1.0)
-    seen = scan_points(cast([wall], (0, 0, 0), beams=360, field=2 * math.pi), SETTINGS)
-    assert seen.closed
-    (group,) = jump_groups(seen, SETTINGS)
-    assert (np.diff(seen.points[group][:, 1]) < 0.0).all()
-    half = scan_points(cast([wall], (0, 0, math.pi), beams=181), SETTINGS)
-    assert not half.closed
-    assert len(jump_groups(half, SETTINGS)) == 1
-
-
-def test_a_wall_seen_at_a_flat_angle_stays_whole() -> None:
-    # At its far end the beams meet it at 12 degrees, 0.3 m from one to the next.
-    seen = scan_points(cast([shapely.box(0.5, 1.3, 6.0, 1.5)], (0, 0, 0), beams=181), SETTINGS)
-    assert len(jump_groups(seen, SETTINGS)) == 1
 
 
 # --- Straight pieces
@@ -121,17 +93,6 @@ def test_pieces_share_the_points_out_and_are_straight(points: list[tuple[float, 
         off = own @ np.linalg.svd(own, full_matrices=False)[2][-1] if len(own) > 2 else np.zeros(1)
         # Within the threshold of the chord is within twice of it of the mean line.
         assert np.abs(off).max() <= 2.0 * threshold + 1e-9
-
-
-def test_corners_are_found() -> None:
-    s = np.linspace(0.0, 1.0, 20)[:, None]
-    corners = np.array([[0, 0], [3, 0], [3, 2], [1, 3.0]])
-    line = np.concatenate([a + s * (b - a) for a, b in itertools.pairwise(corners)])
-    noisy = line + np.random.default_rng(0).normal(scale=0.01, size=line.shape)
-    pieces = split_and_merge(noisy, 0.05)
-    assert [len(piece) for piece in pieces] == pytest.approx([20, 20, 20], abs=1)
-    assert split_and_merge(np.empty((0, 2)), 0.05) == []
-    assert [len(piece) for piece in split_and_merge(noisy[:1], 0.05)] == [1]
 
 
 # --- Lines and discs

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -136,28 +135,6 @@ def test_clutter_is_dropped(association: str) -> None:
     for feature in result.features:
         assert np.hypot(*(POSTS - feature.mean).T).min() < 0.3
         assert feature.readings >= 3
-
-
-def test_a_tentative_feature_is_no_feature_of_the_map() -> None:
-    settings = SlamSettings(association="nearest", confirm=3, timeout=5.0)
-    runner = slam(settings=settings)
-    for t in (0.0, 1.0):
-        runner.process(Detection(t, np.array([2.0, 0.0])))
-    runner.finish()
-    assert runner.result().features == ()
-    assert len(runner.filter.features) == 1
-    runner.process(Detection(2.0, np.array([2.0, 0.0])))
-    runner.finish()
-    assert [f.readings for f in runner.result().features] == [3]
-    # A confirmed feature stays however long it is not seen; a tentative one goes.
-    runner.process(Detection(3.0, np.array([2.0, 2.0])))
-    runner.process(Detection(8.5, np.array([2.0, 0.0])))
-    runner.finish()
-    assert runner.counts.dropped == 1
-    assert len(runner.filter.features) == 1
-    runner.process(Detection(100.0, np.array([2.0, 2.5])))
-    runner.finish()
-    assert len(runner.result().features) == 1
 
 
 def increments(seed: int) -> list[Record]:
@@ -293,16 +270,6 @@ def test_stated_covariances_count() -> None:
     assert np.linalg.det(second.covariance) == pytest.approx(np.linalg.det(SENSOR.R) * 4.0, rel=0.2)
     moved = incremental().run([Increment(0.0, 1.0, 0.0, 0.0, np.diag([0.1, 0.2, 0.3]))])
     assert np.allclose(moved.covariances[-1], np.diag([0.1, 0.2, 0.3]))
-
-
-def test_nothing_to_process() -> None:
-    result = slam().run([])
-    assert result.trajectory.shape == (0, 4)
-    assert result.covariances.shape == (0, 3, 3)
-    assert result.features == ()
-    assert np.isnan(result.seconds_per_update)
-    assert result.nis().size == 0
-    assert set(asdict(result.counts).values()) == {0}
 
 
 @pytest.mark.parametrize(

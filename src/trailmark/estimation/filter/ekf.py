@@ -4,7 +4,7 @@
 The state is x = [pose, feature, feature, …]. A motion changes the pose alone, and a reading depends on the pose and on
 one feature: a prediction costs O(n) and an update O(n²), where filterpy's own dense update costs O(n³). The method
 is that of Thrun, Burgard & Fox 2005, Probabilistic Robotics, section 10.2, with the error of
-:mod:`trailmark.estimation.filter.invariance` and with updates that are iterated where h is not straight enough
+:mod:`trailmark.estimation.filter.gain` and with updates that are iterated where h is not straight enough
 (Bell & Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method). What a linearised h still
 misses may count as noise of the reading: the second-order term of Bar-Shalom, Li & Kirubarajan 2001, Estimation with
 Applications to Tracking and Navigation, section 10.3.
@@ -22,11 +22,21 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark.arguments import number_array
 from trailmark.checked import Count, NonNegative, checked, checked_arguments
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.filter import invariance
 from trailmark.estimation.filter.covariance import checked_covariance
-from trailmark.estimation.filter.gain import Gain, Innovation, Prediction, SparseJacobian, correct_features, gain_of
+from trailmark.estimation.filter.gain import (
+    Gain,
+    Innovation,
+    Prediction,
+    SparseJacobian,
+    carried,
+    correct_covariance,
+    correct_features,
+    gain_of,
+    moved,
+    turned,
+)
 from trailmark.estimation.filter.motion import MotionModel
-from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.filter.sensors import SensorModel
 from trailmark.estimation.filter.state import Mode, SlamState, checked_pose
 from trailmark.se2 import FloatArray
 
@@ -248,10 +258,10 @@ class SlamFilter(SlamState):
 
     def _correct_covariance(self, W: FloatArray, before: FloatArray) -> None:
         """Take W Wᵀ from P, which is then for the estimate as it is now."""
-        invariance.correct_covariance(self.P, W, invariance.carried(before, self.x, self.points))
+        correct_covariance(self.P, W, carried(before, self.x, self.points))
 
     def _moved(self, x: FloatArray, step: FloatArray) -> FloatArray:
-        return invariance.moved(x, step, self.points)
+        return moved(x, step, self.points)
 
     def _gain(
         self,
@@ -268,7 +278,7 @@ class SlamFilter(SlamState):
         H = SparseJacobian(H_pose, H_feature, at)
         y = sensor.residual(readings, z_hat).reshape(-1)
         if x is not None and step is not None:
-            H = invariance.turned(H, invariance.carried(self.x, x, self.points))
+            H = turned(H, carried(self.x, x, self.points))
             y = y + H.times_vector(step)
         return gain_of(self.P, H, y, noise, lambda C: self.curvature * sensor.curvature(z_hat, C))
 

@@ -15,7 +15,7 @@ from trailmark.arguments import brief, number_array
 from trailmark.checked import checked, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import checked_covariance
-from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.filter.sensors import SensorModel
 from trailmark.se2 import FloatArray, configurations
 
 __all__ = ["Mode", "SlamState", "checked_pose"]

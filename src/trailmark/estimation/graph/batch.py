@@ -8,20 +8,69 @@ SIAM Journal on Numerical Analysis 10(2)), and the noise is what the residuals s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.estimate import Estimate, IntArray, NoiseModel
-from trailmark.estimation.graph.noise import correlation_time, updated_variances
-from trailmark.estimation.graph.odometry import Motions, OdometryCalibration, OdometryTrack
-from trailmark.estimation.graph.readings import Readings, SensorCalibration
+from trailmark.estimation.graph.odometry import Motions, OdometryCalibration, OdometryTrack, Readings, SensorCalibration
 from trailmark.estimation.graph.smoother import Smoother, Solution
 from trailmark.se2 import FloatArray
 
-__all__ = ["GATE", "Batch"]
+__all__ = ["GATE", "Batch", "correlation_time", "updated_variances"]
+
+
+SMALLEST = 1e-12
+"""The least variance, so that a source that shows no noise can come back."""
+
+
+def updated_variances(
+    variances: FloatArray, components: FloatArray, roots: FloatArray, left: FloatArray, redundancy: FloatArray
+) -> FloatArray:
+    """Return better variances of the sources of noise, shape (k,).
+
+    Args:
+        variances: those that the estimate was made with, shape (k,).
+        components: covariance of each of n residuals for a variance of one of each source, shape (n, k, d, d).
+        roots: what whitened the residuals, shape (n, d, d).
+        left: the whitened residuals, shape (n, d).
+        redundancy: share of the noise that each still shows, shape (n, d).
+    """
+    V = np.einsum("nij,nkjl,nml->nkim", roots, components, roots)
+    shown = np.einsum("ni,nkij,nj->k", left, V, left)
+    expected = np.einsum("nkii,ni->k", V, redundancy)
+    ratio = np.where(expected > 0.0, shown / np.where(expected > 0.0, expected, 1.0), 1.0)
+    return np.asarray(np.maximum(variances * ratio, SMALLEST))
+
+
+def correlation_time(sequences: Iterable[FloatArray], longest: int = 200) -> float:
+    """Return τ >= 1: how many successive residuals are worth one that is independent of the others.
+
+    Args:
+        sequences: of residuals in the order of time, each of one feature or of one axis.
+        longest: lag, in residuals.
+    """
+    products, counts, square, size = np.zeros(longest + 1), np.zeros(longest + 1), 0.0, 0
+    for sequence in sequences:
+        n = len(sequence)
+        square, size = square + float(sequence @ sequence), size + n
+        for lag in range(1, min(longest, n - 1) + 1):
+            products[lag] += sequence[lag:] @ sequence[:-lag]
+            counts[lag] += n - lag
+    if size == 0 or square == 0.0:
+        return 1.0
+    tau = 1.0
+    for lag in range(1, longest + 1):
+        if counts[lag] < 0.1 * size:
+            break
+        rho = products[lag] / counts[lag] / (square / size)
+        if rho <= 0.0:
+            break
+        tau += 2.0 * rho
+    return tau
+
 
 ROUNDS = 8
 """How often at most poses, calibration and noise are estimated in turns: mostly four or five settle them."""

@@ -19,14 +19,15 @@ from trailmark.estimation.graph.graph_settings import (
     GraphSettings,
 )
 from trailmark.estimation.graph.pose_graph import Relation
-from trailmark.estimation.graph.submaps import KeyScans, in_frame
-from trailmark.estimation.scans.clouds import PointCloud, relative, transformed
+from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans, in_frame
+from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud, transformed
 from trailmark.estimation.scans.correlation import ELSEWHERE, Window, match_covariance, search
 from trailmark.estimation.scans.line_of_sight import in_view
 from trailmark.estimation.scans.matching import refine
 from trailmark.se2 import FloatArray, compose
 
-__all__ = ["LoopFinder"]
+__all__ = ["LoopFinder", "places_like", "revisit_relations"]
 
 MAX_WINDOW = Window(10.0, math.pi)
 """The largest window that is searched."""
@@ -209,3 +210,89 @@ class Drift:
         """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""
         place, heading = self._place / self._length, self._heading / self._length
         return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)
+
+
+SEARCHED = 200
+"""End points, at most, that are looked for in the whole map."""
+
+HEADINGS = 8
+"""Parts of a full turn in which it is looked for one by one."""
+
+FAR = 1e6
+"""Metres: all of a map."""
+
+
+def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArray:
+    """Return where a scan may have been taken, shape (k, 3): the best place for each heading.
+
+    Args:
+        scan: of the lost robot.
+        keys: the map.
+        settings: how scans are matched.
+    """
+    cloud = surface_cloud(scan, settings.max_range)
+    if len(cloud.points) < MIN_POINTS or not len(keys):
+        return np.empty((0, 3))
+    area = keys.area(np.arange(len(keys)), keys.poses[0], FAR, FAR)
+    low, high = area.points.min(axis=0), area.points.max(axis=0)
+    points = cloud.points[:: -(-len(cloud.points) // SEARCHED)]
+    window = Window(0.5 * float((high - low).max()), math.pi / HEADINGS)
+    found = list[FloatArray]()
+    for heading in 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS:
+        guess = np.append(0.5 * (low + high), heading)
+        match = search(area, points, guess, window, coarseness=2, min_score=0.5 * LOOP_SCORE)
+        if match is not None:
+            found.append(refine(area, cloud, match.pose).pose)
+    return np.array(found).reshape(-1, 3)
+
+
+IntArray = NDArray[np.intp]
+
+MAX_VISITS = 4
+"""Earlier and later visits, at most, that one scan is matched against: the nearest ones."""
+
+MAX_SHIFT = 0.3, np.radians(5.0)
+"""Metres and radians: what is matched farther from where the optimised graph has it than this is something else."""
+
+
+def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]:
+    """Return where each scan lies in the maps of the other visits to its place, from the poses that it has now."""
+    s, found = settings, list[Relation]()
+    stretches = np.floor(keys.travel / (0.5 * s.local_length)).astype(np.intp)
+    visitors = _visitors(keys, stretches, s)
+    for stretch in np.unique(stretches):
+        if len(visitors[stretch]) == 0:
+            continue
+        own = np.flatnonzero(stretches == stretch)
+        middle = int(own[len(own) // 2])
+        # One map for all scans that see this stretch.
+        chain = keys.chain(middle, 1.5 * s.local_length, LOCAL_SCANS)
+        area = keys.area(chain, keys.poses[middle], s.max_range + s.loop_distance, 0.0)
+        for k in visitors[stretch]:
+            cloud = keys.clouds[k]
+            match = refine(area, cloud, keys.poses[k])
+            shift = relative(keys.poses[k], match.pose)
+            if match.score < LOOP_SCORE or np.hypot(*shift[:2]) > MAX_SHIFT[0] or abs(shift[2]) > MAX_SHIFT[1]:
+                continue
+            covariance, _ = match_covariance(area, cloud.points, match.pose, scatter=s.scatter)
+            place = int(own[np.hypot(*(keys.poses[own, :2] - match.pose[:2]).T).argmin()])
+            covariance = covariance + keys.spread(chain, place)
+            found.append(keys.related(place, k, match.pose, covariance, certain=False))
+    return found
+
+
+def _visitors(keys: KeyScans, stretches: IntArray, s: GraphSettings) -> list[list[int]]:
+    """Return for each stretch the scans of other visits that see it: each scan is in the lists of the nearest ones."""
+    visitors: list[list[int]] = [[] for _ in range(stretches[-1] + 1)]
+    for k, cloud in enumerate(keys.clouds):
+        if len(cloud.points) < MIN_POINTS:
+            continue
+        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
+        near = np.flatnonzero(
+            (apart <= 0.5 * s.loop_distance) & (np.abs(keys.travel - keys.travel[k]) > s.local_length)
+        )
+        nearest = near[np.argsort(apart[near], kind="stable")]
+        _, first = np.unique(stretches[nearest], return_index=True)
+        for at in np.sort(first)[:MAX_VISITS]:
+            visitors[stretches[nearest[at]]].append(k)
+    return visitors

@@ -25,10 +25,8 @@ from trailmark.estimation.graph.graph_settings import (
     WINDOW,
     GraphSettings,
 )
-from trailmark.estimation.graph.loop_closure import LoopFinder
+from trailmark.estimation.graph.loop_closure import LoopFinder, places_like, revisit_relations
 from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covariances, relative_covariances
-from trailmark.estimation.graph.relocation import places_like
-from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.graph.batch import Batch
-from trailmark.estimation.graph.estimate import Estimate
-from trailmark.estimation.graph.gauge import relative_covariance
-from trailmark.estimation.graph.odometry import OdometryTrack
-from trailmark.estimation.graph.readings import Readings, polar_readings
+from trailmark.estimation.graph.estimate import Estimate, relative_covariance
+from trailmark.estimation.graph.odometry import OdometryTrack, Readings, polar_readings
 from trailmark.estimation.graph.reassociation import Labels
 from trailmark.estimation.graph.residual_checks import figures, inflation, misfit
 from trailmark.estimation.graph.residual_checks import scale as scale_of

@@ -15,8 +15,7 @@ from trailmark.estimation.logs.records import Detection, Increment, Log, Odometr
 from trailmark.estimation.maps.batch_slam import BatchResult, smoothed
 from trailmark.estimation.maps.map_settings import MappingSettings, MapSettings, ObstacleSource, PoseSource
 from trailmark.estimation.slam.ekf_slam import EkfSlam
-from trailmark.estimation.slam.slam_result import SlamResult
-from trailmark.estimation.slam.slam_settings import AssociationMethod, SlamSettings
+from trailmark.estimation.slam.slam_result import AssociationMethod, SlamResult, SlamSettings
 from trailmark.se2 import FloatArray
 
 __all__ = ["OnProgress", "SlamRun", "Sources", "run_slam", "sources_of"]

@@ -16,8 +16,8 @@ from trailmark.estimates import Frame
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
-from trailmark.estimation.scans.scan_settings import ScanSettings
-from trailmark.estimation.slam.slam_settings import SlamSettings
+from trailmark.estimation.scans.scan_features import ScanSettings
+from trailmark.estimation.slam.slam_result import SlamSettings
 
 __all__ = ["MapSettings", "MappingSettings", "ObstacleSource", "PoseSource"]
 

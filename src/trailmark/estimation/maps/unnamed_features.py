@@ -21,13 +21,12 @@ from trailmark.estimation.filter.motion import PoseIncrement
 from trailmark.estimation.filter.sensors import RangeBearing
 from trailmark.estimation.graph.batch import GATE as BATCH_GATE
 from trailmark.estimation.graph.batch import Batch
-from trailmark.estimation.graph.estimate import Estimate
-from trailmark.estimation.graph.gauge import relative_covariance
+from trailmark.estimation.graph.estimate import Estimate, relative_covariance
 from trailmark.estimation.graph.reassociation import Labels, assigned, merged, split, without_unseen
 from trailmark.estimation.graph.residual_checks import description_length
 from trailmark.estimation.logs.records import Detection, Increment, Record
 from trailmark.estimation.slam.ekf_slam import EkfSlam
-from trailmark.estimation.slam.slam_settings import SlamSettings
+from trailmark.estimation.slam.slam_result import SlamSettings
 from trailmark.se2 import FloatArray
 
 __all__ = ["Association", "associated"]

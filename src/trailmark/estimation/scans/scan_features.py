@@ -7,24 +7,47 @@ from the scanner: ρ is then negative where the scanner stands farther out than 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trailmark.checked import Positive, PositiveOrInfinite, checked_fields
+from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.fits import DiscFit, LineFit, fit_circle_roughly, fit_disc, fit_line
-from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.se2 import FloatArray, transform, wrap
 
 __all__ = [
     "ScanFeatures",
     "ScanPoints",
+    "ScanSettings",
     "find_features",
     "jump_groups",
     "scan_points",
     "split_and_merge",
 ]
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """What is known of a scanner.
+
+    Raises:
+        EstimationError: a value that is not allowed.
+    """
+
+    sigma_range: Positive = 0.02
+    """Standard deviation of a range, metres (a SICK LMS's: some 1 to 2 cm)."""
+    sigma_bearing: Positive = 0.003
+    """Standard deviation of a beam's direction, radians: its width, not the step from beam to beam."""
+    max_range: PositiveOrInfinite = math.inf
+    """Metres: end points farther away are left out."""
+
+    def __post_init__(self) -> None:
+        checked_fields(self, EstimationError)
+
 
 IntArray = NDArray[np.intp]
 

@@ -18,10 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.filter.ekf import SlamFilter
 from trailmark.estimation.filter.gain import Prediction
-from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.filter.sensors import SensorModel
 from trailmark.estimation.logs.records import Detection
-from trailmark.estimation.slam.slam_result import Counts
-from trailmark.estimation.slam.slam_settings import SlamSettings
+from trailmark.estimation.slam.slam_result import Counts, SlamSettings
 from trailmark.se2 import FloatArray
 
 __all__ = ["IGNORED", "NEW", "Associator", "compatibility", "distinct", "joint_compatibility", "nearest"]
