@@ -36,7 +36,7 @@ from benchmarks.report import Claim, keep
 from trailmark.errors import TrailmarkError
 from trailmark.estimation import MappingSettings, MapSettings, RangeBearing, Unicycle, disc_estimates, map_log
 from trailmark.estimation.risk.allocation import regrow
-from trailmark.estimation.scans.scan_settings import ScanSettings
+from trailmark.estimation.scans.scan_features import ScanSettings
 from trailmark.estimation.simulation.simulator import simulate
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.planning import LandmarkPlanner

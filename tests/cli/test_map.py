@@ -35,6 +35,13 @@ def mrclam(tmp_path: Path) -> Path:
     return folder
 
 
+def given(folder: Path, text: str) -> tuple[str, Path]:
+    """Return the option that names a new file of these settings."""
+    file = folder / "settings.yml"
+    file.write_text(text)
+    return "--settings", file
+
+
 def record(shell: Shell, *words: object) -> dict[str, Any]:
     run = shell("map", *words, "--json")
     assert (run.status, run.err) == (0, "")
@@ -46,7 +53,9 @@ def record(shell: Shell, *words: object) -> dict[str, Any]:
 @pytest.mark.slow
 def test_a_simulated_log_becomes_a_world_to_plan_in(shell: Shell, log: Path, tmp_path: Path) -> None:
     file = tmp_path / "world.yaml"
-    run = shell("map", log, "--output", file, "--start", START, "--radius", "0.15", "--robot", "disc:0.25")
+    run = shell(
+        "map", log, "--output", file, "--start", START, *given(tmp_path, "radius: 0.15"), "--robot", "disc:0.25"
+    )
     assert (run.status, run.err) == (0, "")
     world = World.load(file)
     assert world.robot == Robot.disc(0.25)
@@ -77,7 +86,9 @@ def test_the_figures(shell: Shell, log: Path, tmp_path: Path) -> None:
     assert facts["risk"] == "a valid path meets an obstacle with probability 0.01 at most"
     assert "radius of 0.1 m" in facts["note"]
     assert facts["written"].endswith("world.yaml")
-    plain = shell("map", log, "--output", tmp_path / "plain.yaml", "--radius", "0.2,0.05").out
+    plain = shell(
+        "map", log, "--output", tmp_path / "plain.yaml", *given(tmp_path, "{radius: 0.2, radius_sigma: 0.05}")
+    ).out
     assert "none stated" in plain
     assert "note" not in plain
 
@@ -110,7 +121,7 @@ def test_the_json_object(shell: Shell, log: Path, tmp_path: Path) -> None:
     assert found["risk"] == pytest.approx({"confidence": 0.95, "collision_at_most": 0.05})
     assert found["obstacles"]["discs"] == 8
     assert found["written"] == {
-        **dict.fromkeys(("trajectory", "nav2", "graph")),
+        **dict.fromkeys(("trajectory", "nav2")),
         "world": str(file),
         "plot": str(picture),
     }
@@ -131,7 +142,8 @@ def test_scans_become_walls(shell: Shell, tmp_path: Path) -> None:
     drifting = record(shell, log, "--output", file, "--start", START, "--poses", "odometry")
     assert any("drift" in note for note in drifting["notes"])
     assert len(World.load(file).obstacles) == drifting["obstacles"]["all"]
-    free = record(shell, log, "--output", file, "--unknown", "free", "--cell", "0.1", "--scan-range", "5")
+    chosen = given(tmp_path, "mapping: {unknown: free, cell: 0.1, scan: {max_range: 5}}")
+    free = record(shell, log, "--output", file, *chosen)
     assert free["obstacles"]["unknown"] == 0
 
 
@@ -142,7 +154,7 @@ def test_without_certified_features_no_confidence_is_given(shell: Shell, log: Pa
     kept = [r for r in recorded().records if not (0.4 * end < r.t < 0.5 * end or isinstance(r, Pose))]
     moved = [r._replace(t=r.t - 0.1 * end) if r.t > 0.45 * end else r for r in kept]
     save_log(recorded()._replace(records=tuple(moved)), log)
-    words = ("map", log, "--output", file, "--association", "joint")
+    words = ("map", log, "--output", file, *given(tmp_path, "slam: {association: joint}"))
     refused = shell(*words, "--confidence", "0.99")
     assert (refused.status, refused.out, file.exists()) == (3, "", False)
     assert "not certified" in refused.err
@@ -165,21 +177,24 @@ def test_without_certified_features_no_confidence_is_given(shell: Shell, log: Pa
 def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> None:
     log.write_text("".join(log.read_text().splitlines(keepends=True)[:130]))  # in which all posts are seen
 
-    def areas(*words: str) -> float:
+    def areas(*words: object) -> float:
         assert shell("map", log, "--output", tmp_path / "world.yaml", "--confidence", "0.99", *words).status == 0
         return sum(shape.area for shape in World.load(tmp_path / "world.yaml").obstacles)
 
     plain = areas()
-    assert areas("--sensor-noise", "0.3,0.1") > 1.2 * plain
-    assert areas("--odometry-noise", "0.1,0.1") > plain  # but little, since obstacles are relative to the map
-    assert areas("--robot-noise", "0.2,0") > 1.2 * plain
+    assert (
+        areas(*given(tmp_path, "{range_bearing: {sigma_range: 0.3, sigma_bearing: 0.1}, stated_noise: false}"))
+        > 1.2 * plain
+    )
+    velocity = given(tmp_path, "{velocity: {sigma_v: 0.1, sigma_omega: 0.1}, stated_noise: false}")
+    assert areas(*velocity) > plain  # but little, since obstacles are relative to the map
+    assert areas(*given(tmp_path, "robot_sigma: [0.2, 0]")) > 1.2 * plain
     assert areas("--start", START) > 1.2 * plain
     assert {estimate.frame for estimate in World.load(tmp_path / "world.yaml").estimates if estimate} == {"start"}
     assert areas("--start", START, "--frame", "map") == pytest.approx(plain, rel=1e-3)
     assert {estimate.frame for estimate in World.load(tmp_path / "world.yaml").estimates if estimate} == {"map"}
-    assert areas("--radius", "0.1,0.05") > 1.2 * plain
-    assert areas("--association", "nearest", "--confirm", "3") > 0.0
-    assert areas("--outlier-gate", "none") > 0.0
+    assert areas(*given(tmp_path, "radius_sigma: 0.05")) > 1.2 * plain
+    assert areas(*given(tmp_path, "slam: {association: nearest, confirm: 3, outlier_gate: null}")) > 0.0
 
 
 @pytest.mark.slow
@@ -189,7 +204,6 @@ def test_mrclam_folders_in_all_their_names(shell: Shell, mrclam: Path, tmp_path:
     for words in (
         [mrclam],
         [f"{mrclam}:1"],
-        [mrclam, "--mrclam-robot", "1"],
         [mrclam / "Robot1_Odometry.dat"],
         [mrclam, "--format", "mrclam"],
     ):
@@ -242,7 +256,7 @@ def test_trees(forked_terminal: Terminal, shared_data: Path, tmp_path: Path) -> 
     lines = (shared_data / "victoria" / "victoria_park.txt").read_text().splitlines()
     log, file = tmp_path / "park.txt", tmp_path / "world.yaml"
     log.write_text("\n".join(lines[:1000]) + "\n")
-    words = ["map", log, "--output", file, "--radius", "0.3", "--json"]
+    words = ["map", log, "--output", file, *given(tmp_path, "radius: 0.3"), "--json"]
     run = forked_terminal(MAIN, *words)
     assert run.status == 0, run.err
     found = json.loads(run.out)

@@ -172,10 +172,8 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
     log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
     scan = {"type": "scan", "t": 0, "ranges": ranges, "angle_min": -1, "angle_increment": 0.5, "range_max": 8}
     log.write_text("\n".join(map(json.dumps, [{"trailmark_log": 1}, scan | {"pose": [1, 1, 0]}])))
-    words = [log, "--output", file, "--plot", tmp_path / "map.png", "--confidence", "0.9", "--json"]
-    run = shell("map", *words)
-    assert run.status == 0
-    assert ("met nothing" in run.err) == (len(ranges) == 2)
+    run = shell("map", log, "--output", file, "--plot", tmp_path / "map.png", "--confidence", "0.9", "--json")
+    assert (run.status, "met nothing" in run.err) == (0, 2 not in ranges)
     found = json.loads(run.out)
     assert found["obstacles"] == {"all": 1, "discs": 0, "walls": 0, "heaps": 0, "unknown": 1}
     assert World.load(file).queries == ()
@@ -192,26 +190,11 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
             "yard.jsonl: format: expected carmen, g2o, jsonl, mrclam, rosbag, victoria, got 'carmn'",
         ),
         (["--format", "victoria"], "yard.jsonl:1: expected a line with ODOMETRY"),
-        (["--radius", "0"], "expected R or R,SIGMA in metres, R above 0, got --radius '0'"),
-        (["--radius", "0.1,0.2,0.3"], "expected R or R,SIGMA in metres, R above 0, got --radius '0.1,0.2,0.3'"),
-        (["--association", "nearst"], "SlamSettings: association: expected auto, joint, known, nearest, got 'nearst'"),
         (
             ["--poses", "odometry"],
             "yard.jsonl: poses: expected what the log holds for detections (slam)",
         ),
-        (["--obstacles", "scans"], "yard.jsonl: expected a log that shows obstacles, got no scans"),
         (["--start", "1,2"], "expected X,Y,T, finite numbers"),
-        (["--sensor-noise", "0,0.1"], "expected A,B, two numbers above 0, got --sensor-noise '0,0.1'"),
-        (["--odometry-noise", "0.1"], "expected A,B, two numbers of 0 or more, got --odometry-noise '0.1'"),
-        (["--robot-noise", "0.1,0.1"], "--robot-noise '0.1,0.1' given without --confidence"),
-        (["--confirm", "0"], "expected an integer from 1 to 1000000, got --confirm '0'"),
-        (
-            ["--outlier-gate", "2"],
-            "expected a probability above 0 and below 1 (or none, auto), got --outlier-gate '2'",
-        ),
-        (["--unknown", "maybe"], "MappingSettings: unknown: expected blocked, free, got 'maybe'"),
-        (["--cell", "0"], "expected a finite number of metres above 0, got --cell '0'"),
-        (["--mrclam-robot", "x"], "expected an integer from 0 to 4294967295, got --mrclam-robot 'x'"),
         (["--plot", "map.gif"], "map.gif: suffix: expected .pdf, .png, .svg, got '.gif'"),
     ],
 )
@@ -221,6 +204,46 @@ def test_bad_options(shell: Shell, log: Path, tmp_path: Path, words: list[str], 
     assert run.status == 2
     assert run.problem.removeprefix(f"{tmp_path}/").startswith(problem)
     assert not (tmp_path / "world.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("radius", "expected lines 'name: value', got str"),
+        ("radius: [", "expected YAML, got while parsing"),
+        ("raduis: 1", "setting raduis: expected batch, "),
+        ("slam: {gates: 1}", "setting slam.gates: expected association, "),
+        ("log: {robot: 1}", "setting log.robot: expected "),
+        ("mapping: {scan: 3}", "mapping.scan: expected lines 'name: value', got int"),
+        ("radius: 0", "MapSettings: radius: expected a finite number above 0, got 0"),
+        (
+            "slam: {association: nearst}",
+            "SlamSettings: association: expected auto, joint, known, nearest, ",
+        ),
+        ("range_bearing: {sigma_range: 0}", "RangeBearing: sigma_range: expected a finite number above 0, got 0"),
+        ("mapping: {unknown: maybe}", "MappingSettings: unknown: expected blocked, free, got 'maybe'"),
+        ("log: {scan_topic: [1]}", "load_log: scan_topic: expected "),
+    ],
+)
+def test_bad_settings(shell: Shell, log: Path, tmp_path: Path, text: str, problem: str) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text(text)
+    run = shell("map", log, "--output", tmp_path / "world.yaml", "--settings", file)
+    assert run.status == 2
+    assert run.problem.removeprefix(f"{file}: ").startswith(problem)
+    assert not (tmp_path / "world.yaml").exists()
+
+
+def test_settings_are_an_input_and_errors_of_the_robot_need_a_confidence(
+    shell: Shell, log: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text("robot_sigma: [0.1, 0.1]")
+    run = shell("map", log, "--output", tmp_path / "world.yaml", "--settings", file)
+    assert (run.status, run.problem[:20]) == (2, "settings: robot_sigma"[:20])
+    assert shell("map", log, "--output", file, "--settings", file).status == 2
+    assert shell("map", log, "--output", tmp_path / "w.yaml", "--settings", tmp_path / "no.yaml").status == 2
+    assert file.read_text() == "robot_sigma: [0.1, 0.1]"
 
 
 def test_the_output_is_checked_before_the_work(shell: Shell, tmp_path: Path) -> None:
@@ -235,7 +258,7 @@ def test_the_output_is_checked_before_the_work(shell: Shell, tmp_path: Path) -> 
 
 
 def test_a_robot_that_is_not_there(shell: Shell, mrclam: Path, tmp_path: Path) -> None:
-    run = shell("map", mrclam, "--output", tmp_path / "world.yaml", "--mrclam-robot", "4")
+    run = shell("map", f"{mrclam}:4", "--output", tmp_path / "world.yaml")
     assert (run.status, run.problem[:60]) == (2, f"{mrclam}: robot: expected 1, got 4"[:60])
 
 

@@ -35,9 +35,12 @@ def test_bags(shell: Shell, tmp_path: Path) -> None:
     assert found["poses"] == "match"
     assert found["obstacles"]["walls"] >= 1
     World.load(file)
-    words = ["--scan-topic", "/scan", "--odometry-topic", "/odom"]
+    settings = tmp_path / "settings.yaml"
+    settings.write_text("log: {scan_topic: /scan, odometry_topic: /odom}")
+    words = ["--settings", settings]
     assert record(shell, tmp_path / "drive", "--output", file, *words)["records"]["scans"] == 12
-    run = shell("map", tmp_path / "drive", "--output", file, "--scan-topic", "/scann")
+    settings.write_text("log: {scan_topic: /scann}")
+    run = shell("map", tmp_path / "drive", "--output", file, *words)
     assert "got '/scann'" in run.problem
     file.unlink()
     run = shell("map", tmp_path / "blind", "--output", file)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.helpers.grown import grown_world
 
 from trailmark import Disc, Query, Robot, StateChecker, World
 from trailmark.errors import WorldError
-from trailmark.estimation import grown_world, regrow
+from trailmark.estimation import regrow
 from trailmark.world import ObstacleEstimate, RiskBound
 
 SMALL, LONG = Robot.rectangle(0.6, 0.4), Robot.rectangle(4.0, 0.5)

@@ -9,17 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.helpers.grown import grown_world
 from tests.test_arguments import WRONG
 
-from trailmark import Disc, Polygon, Robot, TrailmarkError, World, estimation
+from trailmark import Disc, Robot, TrailmarkError, World, estimation
 from trailmark.estimation import (
     Cartesian,
     Detection,
     Detector,
     EkfSlam,
-    EstimationError,
     Increment,
-    LinePolar,
     Log,
     MappingSettings,
     MapSettings,
@@ -38,7 +37,7 @@ from trailmark.world import ObstacleEstimate
 
 WORLD = World("room", (0.0, 0.0, 6.0, 4.0), (Disc((3.0, 2.0), 0.5),), Robot.disc(0.2))
 ESTIMATE = ObstacleEstimate(Disc((3.0, 2.0), 0.5), 0.01 * np.eye(2))
-GROWN = estimation.grown_world([ESTIMATE], WORLD.bounds, 0.9, robot=WORLD.robot)
+GROWN = grown_world([ESTIMATE], WORLD.bounds, 0.9, robot=WORLD.robot)
 MOTION, SENSOR = Unicycle(0.01, 0.01), RangeBearing(0.05, 0.02)
 SCANS = tuple(Scan(float(t), np.full(31, 2.0), -1.0, 2.0 / 30.0, 5.0) for t in range(3))
 LOG = Log("room", (Pose(0.0, 1.0, 1.0, 0.0), *SCANS, Odometry(3.0, 1.0, 0.0)), np.empty((0, 3)))
@@ -46,7 +45,6 @@ PATH = [[1.0, 1.0, 0.0], [5.0, 1.0, 0.0]]
 READ = {"format": None, "skip_bad": False, "robot": None, "corrected": None, "scan_topic": None, "odometry_topic": None}
 DRIVE = {"detector": None, "scanner": None, "speed": 1.0, "turn_rate": 1.0, "period": 0.5, "name": None}
 SENSE = {"points_per_obstacle": 4, "readings_per_point": 2, "max_range": 9.0, "random_state": 0}
-PLAIN = {"name": "map", "robot": WORLD.robot, "boundary": None, "queries": (), "fixed": (), "weights": None}
 
 
 def filled() -> SlamFilter:
@@ -79,17 +77,11 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             estimation.sense_obstacles,
             {"world": WORLD, "poses": 4, "sensor": SENSOR, **SENSE},
         ),
-        "refine_point": (estimation.refine_point, {"readings": [[2.0, 0.5]], "poses": PATH[0], "sensor": SENSOR}),
         "refine_points": (estimation.refine_points, {"readings": [[[2.0, 0.5]]], "poses": PATH[0], "sensor": SENSOR}),
         "disc_estimates": (
             estimation.disc_estimates,
             {"points": [[1.0, 1.0]], "covariances": [np.eye(2)], "radius": 1.0, "radius_sigma": 0.1},
         ),
-        "hull_estimate": (
-            estimation.hull_estimate,
-            {"readings": PATH_XY, "covariance": np.eye(2), "ratio": 1.0},
-        ),
-        "plain_box": (estimation.plain_box, {"readings": PATH_XY}),
         "wall_estimate": (
             estimation.wall_estimate,
             {
@@ -105,10 +97,6 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             estimation.grow,
             {"estimate": ESTIMATE, "confidence": 0.9, "pose_covariance": None, "reach": 0.0, "sides": 16},
         ),
-        "grown_world": (
-            estimation.grown_world,
-            {"estimates": [ESTIMATE], "bounds": WORLD.bounds, "confidence": 0.9, **PLAIN, "pose_covariance": None},
-        ),
         "regrow": (
             estimation.regrow,
             {"world": GROWN, "confidence": 0.9, "weights": None, "pose_covariance": None},
@@ -120,7 +108,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "SlamFilter": (
             SlamFilter,
-            {"pose": PATH[0], "P": np.eye(3), "mode": "slam", "error": "invariant", "iterations": 1},
+            {"pose": PATH[0], "P": np.eye(3), "mode": "slam", "iterations": 1},
         ),
         "predict": (
             lambda **given: filled().predict(**given),
@@ -143,20 +131,18 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "add_feature": (lambda **given: filled().add_feature(**given), {"z": (2.0, 0.5), "sensor": SENSOR, "R": None}),
         "add_known_feature": (
             lambda **given: filled().add_known_feature(**given),
-            {"feature": (2.0, 0.5), "P": np.eye(2), "kind": "point"},
+            {"feature": (2.0, 0.5), "P": np.eye(2)},
         ),
         "remove_feature": (lambda **given: filled().remove_feature(**given), {"feature_id": 0}),
         "merge_features": (lambda **given: filled().merge_features(**given), {"keep": 0, "drop": 1}),
         "feature": (filled().feature, {"feature_id": 0}),
         "feature_covariance": (filled().feature_covariance, {"feature_id": 0}),
-        "kind": (filled().kind, {"feature_id": 0}),
         "EkfSlam": (
             EkfSlam,
             {
                 "sensors": {"range-bearing": SENSOR},
                 "velocity": MOTION,
                 "increment": None,
-                "find": None,
                 "settings": None,
                 "start": PATH[0],
                 "P": None,
@@ -166,7 +152,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "add_landmark": (
             lambda **given: slam().add_landmark(**given),
-            {"feature": (1.0, 1.0), "P": None, "identity": 3, "kind": "point"},
+            {"feature": (1.0, 1.0), "P": None, "identity": 3},
         ),
         "run": (lambda **given: slam().run(**given), {"records": LOG.records}),
         "process": (lambda **given: slam().process(**given), {"record": LOG.records[-1]}),
@@ -181,29 +167,24 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "SlamSettings": (
             SlamSettings,
-            {"association": "known", "gate": 0.9, "margin": 1.0, "confirm": 2, "late": "skip"},
+            {"association": "known", "gate": 0.9, "merge_gate": 0.9, "confirm": 2},
         ),
-        "ScanSettings": (ScanSettings, {"groups": "jump", "split": 0.1, "disc_radii": (0.1, 0.2), "min_points": 6}),
-        "GraphSettings": (estimation.GraphSettings, {"max_range": 15.0, "rounds": 1, "loop_score": 0.6}),
+        "ScanSettings": (ScanSettings, {"sigma_range": 0.1, "max_range": 9.0}),
         "MappingSettings": (
             MappingSettings,
-            {"pose_sigma": (0.1, 0.1), "cell": 0.1, "shapes": "hulls"},
+            {"pose_sigma": (0.1, 0.1), "cell": 0.1},
         ),
         "MapSettings": (
             MapSettings,
-            {"slam": SlamSettings(), "radius": 1.0, "start": None, "stated_motion_noise": True},
+            {"slam": SlamSettings(), "radius": 1.0, "start": None, "stated_noise": True},
         ),
         "Unicycle": (Unicycle, {"sigma_v": 0.1, "sigma_omega": 0.1, "alpha": (0.0, 0.0, 0.0, 0.0), "period": None}),
         "PoseIncrement": (PoseIncrement, {"sigma_x": 0.1, "sigma_y": 0.1, "sigma_theta": 0.1, "growth": (0, 0, 0)}),
         "RangeBearing": (RangeBearing, {"sigma_range": 0.1, "sigma_bearing": 0.1, "growth": 0.1}),
         "Cartesian": (Cartesian, {"sigma_x": 0.1, "sigma_y": 0.1}),
-        "LinePolar": (LinePolar, {"sigma_rho": 0.1, "sigma_alpha": 0.1}),
         "Detector": (Detector, {"model": SENSOR, "max_range": 1.0, "identities": True, "detection_rate": 0.5}),
         "Scanner": (Scanner, {"beams": 3, "field_of_view": 1.0, "mount": (0, 0, 0), "bounds": True, "drop_out": 0.1}),
     }
-
-
-PATH_XY = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]
 
 
 def slam() -> EkfSlam:
@@ -243,32 +224,5 @@ def test_all_public_callables_are_tried() -> None:
         "MappedLog",
         "ScanMap",
     }
-    values |= {"MotionModel", "SensorModel", "Pose", "Scan", "Log", "RefinedPoint", "Simulation", "SlamResult"}
+    values |= {"MotionModel", "SensorModel", "Pose", "Scan", "Log", "Simulation", "SlamResult"}
     assert set(estimation.__all__) - set(NAMES) == values - {"MapFeature"}
-
-
-@pytest.mark.parametrize(
-    ("name", "wrong", "said"),
-    [
-        (
-            "simulate",
-            {"random_state": 1.5},
-            "simulate: random_state: expected a whole number of 0 or more or .*, got 1.5",
-        ),
-        ("simulate", {"period": "1"}, "simulate: period: expected a finite number above 0, got '1'"),
-        ("grow", {"confidence": float("nan")}, "grow: confidence: expected a number above 0 and below 1, got nan"),
-        ("grown_world", {"fixed": [1]}, "grown_world: fixed: expected a sequence of Disc or Rectangle or Polygon, got"),
-        ("map_log", {"log": "drive.jsonl"}, "map_log: log: expected Log, got 'drive.jsonl'"),
-        ("update", {"z": ("1", "2")}, "readings: .* is not an array of numbers"),
-        ("predict", {"motion": SENSOR}, "predict: motion: expected MotionModel, got RangeBearing"),
-    ],
-)
-def test_messages(name: str, wrong: dict[str, Any], said: str, tmp_path: Path) -> None:
-    call, right = entries(tmp_path / "log.jsonl")[name]
-    with pytest.raises(EstimationError, match=said):
-        call(**(right | wrong))
-
-
-def test_a_boundary_is_a_polygon() -> None:
-    square = Polygon(np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 4.0], [0.0, 4.0]]))
-    assert estimation.grown_world([ESTIMATE], WORLD.bounds, 0.9, boundary=square).boundary == square

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trailmark.exploration.alignment import aligned
+from trailmark.exploration.detection_mapper import aligned
 from trailmark.se2 import FloatArray, transform
 
 
@@ -40,9 +40,3 @@ def test_two_places_that_look_alike_are_not_told_apart() -> None:
     assert found is not None
     assert found.matched == 3
     assert not found.unique
-
-
-def test_what_fits_nowhere_is_not_found() -> None:
-    places = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    assert aligned(np.array([[0.0, 0.0], [7.0, 0.0]]), places, [np.arange(3)] * 2, 0.05) is None
-    assert aligned(np.array([[0.0, 0.0]]), places, [np.arange(3)], 0.05) is None

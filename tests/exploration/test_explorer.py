@@ -13,8 +13,7 @@ import pytest
 import shapely
 from tests.support import exploration_faults as faults
 
-from trailmark import ConfigurationError, LandmarkPlanner, Rectangle, Robot, World
-from trailmark.estimation import map_log
+from trailmark import ConfigurationError, Rectangle, Robot, World
 from trailmark.estimation.logs.records import Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
@@ -156,48 +155,6 @@ def test_where_the_robot_does_not_fit_it_looks_through() -> None:
 
 
 @pytest.mark.slow
-def test_a_large_world_gets_a_map_on_its_own_scale() -> None:
-    """Beams that are as dense as cells of 0.4 m do not fill a map of cells of 0.05 m."""
-    world, robot = World("large", (0.0, 0.0, 40.0, 25.0), (Rectangle((20.0, 8.0), 4.0, 16.0),)), Robot.disc(2.0)
-    found = Explorer(
-        world,
-        robot,
-        "laser",
-        start=(15.0, 12.5, 0.0),
-        sensor_range=20.0,
-        settings=ExplorationSettings(sense_period=0.6),
-    ).run()
-    assert found.status == "complete"
-    assert found.log.cell == pytest.approx(0.4)
-    assert len(found.world.obstacles) < 40
-    surfaces = shapely.union_all([shape.polygon().shapely() for shape in found.world.obstacles]).boundary
-    seen = shapely.points([(x, y) for x in (18.0, 22.0) for y in np.arange(4.0, 14.0)])
-    assert shapely.distance(seen, surfaces).max() <= 0.15  # not as coarse as the cells
-    assert map_log(found.log, robot=robot).world.obstacles == found.world.obstacles
-    made, true = (LandmarkPlanner(w, robot).plan((15, 10, 0), (25, 10, 0), 1.0, gap=0.02) for w in (found.world, world))
-    assert made.cost == pytest.approx(true.cost, rel=0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("sensor", "limit", "status"),
-    [("laser", 2.0, "time"), (Scanner(360, 2.0 * np.pi, 1e6), np.inf, "complete")],
-    ids=["by name", "described"],
-)
-def test_no_sensor_reaches_farther_than_what_is_to_be_explored(
-    sensor: str | Scanner, limit: float, status: str
-) -> None:
-    settings = replace(SETTINGS, time_limit=limit)
-    exploring = explorer(two_rooms(1.0), sensor=sensor, sensor_range=1e6, settings=settings)
-    assert exploring.sensor_range == pytest.approx(np.hypot(6.0, 4.0))
-    result = exploring.run()
-    assert result.status == status
-    last = result.history[-1]
-    assert last.distance > 1.0
-    assert last.distance <= last.time + 1e-9  # 1 m/s: it is not as fast as for a large world
-
-
-@pytest.mark.slow
 @pytest.mark.usefixtures("waited")
 def test_what_lies_behind_the_robots_back_is_looked_at() -> None:
     world = two_rooms(1.0)
@@ -247,15 +204,6 @@ def test_cells_are_divided_where_larger_ones_do_not_tell_whether_the_robot_fits(
     assert result.evaluation is not None
     assert result.evaluation.collisions == 0
     check_map(result, world)
-
-
-def test_a_side_of_cells_that_is_asked_for_stays() -> None:
-    assert Explorer(narrow_gap(), noise=0.0).mapper.divided() is not None
-    for settings in (ExplorationSettings(cell=0.08), ExplorationSettings(max_cells=10_000)):
-        exploring = Explorer(narrow_gap(), noise=0.0, settings=settings)
-        assert exploring.mapper.divided() is None
-    # Smaller cells would tell of noise alone.
-    assert Explorer(narrow_gap(), noise=3.0).mapper.divided() is None
 
 
 @pytest.mark.slow
@@ -470,21 +418,6 @@ def test_a_door_that_closes_behind_the_robot_is_not_driven_into(wall: float, sta
 
 def moved(world: World, wall: float) -> tuple[Rectangle, ...]:
     return tuple(Rectangle((wall, o.center[1]), o.length, o.width) for o in world.obstacles if isinstance(o, Rectangle))
-
-
-def test_it_says_what_it_expects() -> None:
-    world = two_rooms(1.0)
-    for options, message in (
-        ({"strategy": "random"}, "strategy: expected"),
-        ({"sensor": "sonar"}, "sensor: expected laser, detections"),
-        ({"sensor": "detections"}, "detections"),
-        ({"start": (3.0, 0.2, 0.0)}, "start"),
-        ({"settings": 3}, "settings: expected"),
-    ):
-        with pytest.raises(ConfigurationError, match=message):
-            explorer(world, **options)
-    with pytest.raises(ConfigurationError, match="expected start= and bounds="):
-        Explorer(Stalled(SimulatedRobot(world, ROBOT, START, laser_scanner(3.0, 0.1))), ROBOT)  # type: ignore[arg-type]
 
 
 class Careless(Stalled):

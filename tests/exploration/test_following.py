@@ -9,8 +9,7 @@ from tests.support.trials import few
 from trailmark import Disc, Path, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import build_footprint
-from trailmark.estimation.simulation.raycast import RayCaster
-from trailmark.estimation.simulation.virtual_sensors import Scanner
+from trailmark.estimation.simulation.virtual_sensors import RayCaster, Scanner
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.se2 import compose, difference
@@ -53,32 +52,6 @@ def test_an_exact_robot_stays_on_its_path_to_the_end(robot: Robot) -> None:
         assert np.abs(difference(dense, pose)).sum(axis=1).min() < 1e-3
     assert follower.advance(poses[-1], 0.13) < 1e-9
     assert len(follower.rest) == 1
-
-
-def test_states_that_are_alike_but_for_rounding_do_not_hide_what_comes_after_them() -> None:
-    turns = np.column_stack([np.full((9, 2), 1.0), [0.0, *[0.5] * 6, 1.0, 1.5]])
-    turns[:, 0] += 2e-16 * np.arange(9)
-    follower = follower_of(Path(turns), BODY.differential())
-    for angle in np.linspace(0.0, 1.5, 16):
-        assert follower.advance(np.array([1.0, 1.0, angle]), 0.0) < 1e-9
-        assert follower.command(turns[0])[1, 2] > 0.0 or angle > 1.45
-
-
-def test_a_robot_that_moves_in_every_direction_comes_back_to_its_path() -> None:
-    follower = follower_of(Path(STATES[:2]), Robot.disc(0.3))
-    start = np.array([0.0, 0.05, 0.0])
-    assert follower.advance(start, 0.0) == pytest.approx(0.05)
-    poses = driven(follower, start, 0.1)
-    assert np.abs(poses[2:, 1]).max() < 1e-6
-    assert np.hypot(*(poses[-1, :2] - STATES[1, :2])) < 1e-6
-
-
-def test_others_follow_the_shape_from_where_they_are() -> None:
-    follower = follower_of(Path(STATES[:2]), Robot.disc(0.3).differential())
-    assert follower.advance(np.array([0.5, 0.05, 0.0]), 0.5) == pytest.approx(0.05)
-    states = follower.command(np.array([0.5, 0.05, 0.0]))
-    assert np.abs(states[:, 1]).max() < 1e-12
-    assert states[-1, 0] == pytest.approx(1.5, abs=0.05)
 
 
 def test_what_was_free_and_is_not_any_more_endangers_it() -> None:

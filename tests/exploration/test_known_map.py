@@ -10,9 +10,8 @@ import pytest
 import shapely
 
 from trailmark import Disc, Polygon, Rectangle, Robot, World
-from trailmark.estimation.simulation.raycast import RayCaster
-from trailmark.estimation.simulation.virtual_sensors import Scanner
-from trailmark.exploration.cells import quarters, rectangles
+from trailmark.estimation.simulation.virtual_sensors import RayCaster, Scanner
+from trailmark.exploration.cells import quarters
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Shape
@@ -75,38 +74,6 @@ def test_the_world_holds_exactly_what_is_not_free() -> None:
             covered = solid(world, name)
             assert covered.symmetric_difference(region).area < 1e-9
     assert known.revision == 4
-
-
-def test_what_does_not_change_keeps_its_obstacles() -> None:
-    known = KnownMap(BOUNDS, 0.1)
-    before = known.follow(World("hall", BOUNDS))
-    assert known.follow(before) is before
-    state = known.state.copy()
-    state[0, 0] = FREE
-    known.set_state(state)
-    after = known.follow(before)
-    assert len(before.difference(after).items) < 6 < len(before.obstacles)
-
-
-def test_discs_stand_for_the_cells_that_they_occupy() -> None:
-    known, disc = KnownMap(BOUNDS, 0.1), Disc((1.0, 3.0), 0.4)
-    state = np.full(known.state.shape, FREE, dtype=np.uint8)
-    state[known.cells_of(np.array([[1.0, 3.0]]))] = OCCUPIED
-    known.set_state(state, {"a": disc})
-    world = followed(known)
-    assert world.obstacles == (disc,)
-    known.set_state(state, {"a": Disc((1.1, 3.0), 0.4)})
-    assert known.follow(world).obstacles == (Disc((1.1, 3.0), 0.4),)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 1.0])
-def test_rectangles_cover_a_mask_once(share: float) -> None:
-    mask = np.random.default_rng(1).random((17, 32)) < share
-    count = np.zeros(mask.shape, dtype=int)
-    for x0, y0, x1, y1 in rectangles(mask).tolist():
-        count[y0:y1, x0:x1] += 1
-    assert (count == mask).all()
-    assert len(rectangles(np.ones((16, 16), dtype=bool))) == 1
 
 
 THINGS = (
@@ -290,14 +257,6 @@ def test_beams_that_meet_nothing_show_free_space_up_to_the_range_and_no_farther(
     assert away[:, 0].min() > -CELL
     assert (known.state == FREE).sum() * known.cell**2 == pytest.approx(0.5 * math.pi * 4.0, rel=0.03)
     assert not (known.state == OCCUPIED).any()
-
-
-def test_the_bounds_are_walls() -> None:
-    known = entered(room(), [(4.0, 3.0, 0.0), (2.0, 3.0, 0.0), (6.0, 3.0, 0.0)])
-    assert (known.state[1:-1, 1:-1] == FREE).all()
-    inside = shapely.box(*ROOM).buffer(-CELL / 7.0)
-    corners = shapely.multipoints(np.array([(x, y) for x in ROOM[::2] for y in ROOM[1::2]])).buffer(2.0 * CELL)
-    assert solid(followed(known)).intersection(inside).difference(corners).area < 1e-9
 
 
 @pytest.mark.slow

@@ -89,14 +89,6 @@ def test_what_is_read_while_divided_cells_are_drawn_is_entered(noise: float) -> 
     assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.02
 
 
-def test_divided_cells_are_drawn_no_further_once_that_is_stopped() -> None:
-    robot, mapper = begun(0.0, cell=0.1)
-    drive(robot, mapper, 20, (0.05, 0.0, 0.0))
-    draw = mapper.divided()
-    assert draw is not None
-    assert not (draw(lambda: True).state != UNKNOWN).any()
-
-
 @pytest.mark.slow
 def test_streets_that_look_alike_are_not_joined_and_covariances_are_those_of_the_errors() -> None:
     blocks = tuple(Rectangle((3.0 + 4.4 * i, 3.0 + 4.4 * j), 3.0, 3.0) for i in range(3) for j in range(3))
@@ -251,15 +243,3 @@ def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> N
         assert free.area > 1.0
         assert free.intersection(around).area == 0.0
     assert ScanMapper(START, KnownMap(WORLD.bounds, 0.05), LASER, ROBOT, ExplorationSettings()).margin == 0.0
-
-
-def test_a_wall_where_the_range_ended_speaks_against_nothing() -> None:
-    known = KnownMap((-2.0, -2.0, 2.0, 2.0), 0.1)
-    beams = 120
-
-    def ring(far: float) -> Scan:
-        return Scan(0.0, np.full(beams, far), -math.pi, 2.0 * math.pi / beams, 1.0)
-
-    known.add_scan(ring(math.inf), np.zeros(3), 1.0)
-    assert known.agreement(ring(0.99), np.zeros(3), 1.0).new == 0
-    assert known.agreement(ring(0.5), np.zeros(3), 1.0).new == beams

@@ -7,17 +7,14 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from tests.support.exploration_faults import Faulty, Impossible, Late, frozen_odometry, miscounted, repeated, silence
 from tests.support.trials import few, trials
 
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.logs.records import Detection, Increment, Record, Scan
-from trailmark.exploration.robots import ExploringRobot
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector, laser_scanner
 from trailmark.se2 import FloatArray, compose, wrap
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
-from trailmark.zones import KeepOutZone
 
 WALL = Rectangle((6.0, 2.0), 1.0, 4.0)
 WORLD = World("room", (0.0, 0.0, 10.0, 8.0), (WALL, Disc((3.0, 6.0), 0.5), Disc((8.0, 2.0), 0.2)))
@@ -43,11 +40,6 @@ def dead_reckoning(records: list[Record], start: tuple[float, float, float] = ST
 
 def ahead(metres: float) -> FloatArray:
     return np.array([[0.0, 0.0, 0.0], [metres, 0.0, 0.0]])
-
-
-def test_it_is_an_exploring_robot() -> None:
-    robot: ExploringRobot = laser()
-    assert len(robot.sense()) == 1
 
 
 def test_without_noise_odometry_and_ranges_are_exact() -> None:
@@ -157,18 +149,6 @@ def test_slip_loses_a_part_of_the_way_and_nothing_without_noise() -> None:
     assert robot.pose[0] == pytest.approx(5.0)
 
 
-def test_the_same_seed_gives_the_same_run() -> None:
-    runs = [laser(seed=seed) for seed in (3, 3, 4)]
-    scans = []
-    for robot in runs:
-        robot.drive(TURN, 60.0)
-        scans.append(robot.sense()[-1])
-    assert np.array_equal(runs[0].truth, runs[1].truth)
-    assert not np.array_equal(runs[0].truth, runs[2].truth)
-    first, again = (scan for scan in scans[:2] if isinstance(scan, Scan))
-    assert np.array_equal(first.ranges, again.ranges)
-
-
 def test_it_stops_before_what_it_meets_and_counts_that_once() -> None:
     robot = laser(noise=0.0)
     report = robot.drive(ahead(6.0), 8.0)
@@ -246,57 +226,3 @@ def test_a_door_closes_and_the_robot_is_carried_away() -> None:
     with pytest.raises(ConfigurationError, match="pose"):
         robot.carry((6.0, 2.0, 0.0))
     assert robot.world is closed
-
-
-def test_zones_and_clearance_mean_nothing_to_it() -> None:
-    zone = KeepOutZone(Rectangle((2.0, 2.0), 1.0, 4.0).polygon())
-    world = World("zone", WORLD.bounds, WORLD.obstacles, zones=(zone,))
-    robot = SimulatedRobot(world, ROBOT.keeping(0.5), START, SENSOR, noise=0.0)
-    assert robot.drive(ahead(4.0), 9.0).arrived
-    assert robot.collisions == 0
-
-
-def test_what_it_does_not_take() -> None:
-    robot = laser()
-    with pytest.raises(ConfigurationError, match=r"expected the first row \(0, 0, 0\), got \[1.0"):
-        robot.drive(np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), 1.0)
-    with pytest.raises(ConfigurationError, match="seconds: expected a finite number to stand still, got inf"):
-        robot.drive(np.zeros((1, 3)), math.inf)
-    with pytest.raises(ConfigurationError, match="seconds: expected a number above 0, got 0"):
-        robot.drive(ahead(1.0), 0)
-    with pytest.raises(ConfigurationError, match="finite"):
-        robot.drive(np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), 1.0)
-    with pytest.raises(ConfigurationError, match=r"start .* not valid"):
-        SimulatedRobot(WORLD, ROBOT, (6.0, 2.0, 0.0), SENSOR)
-    with pytest.raises(ConfigurationError, match="slip"):
-        laser(slip=2.0)
-
-
-def test_a_scanner_has_a_beam_for_each_cell_at_its_range() -> None:
-    scanner = laser_scanner(5.0, 0.1)
-    assert scanner.beams == 315
-    assert 5.0 * scanner.angle_increment == pytest.approx(0.1, rel=0.01)
-    assert laser_scanner(1e3, 0.01).beams == 1000
-
-
-def test_faults() -> None:
-    def sensed(robot: ExploringRobot, calls: int = 4) -> list[list[Record]]:
-        found = [list(robot.sense())]
-        for _ in range(calls - 1):
-            robot.drive(ahead(0.1), 0.1)
-            found.append(list(robot.sense()))
-        return found
-
-    def scans(records: list[Record]) -> list[Scan]:
-        return [record for record in records if isinstance(record, Scan)]
-
-    assert [len(scans(r)) for r in sensed(Faulty(laser(), silence, 0.05, 0.25))] == [1, 0, 0, 1]
-    assert [len(scans(r)) for r in sensed(Faulty(laser(), repeated, 0.15))] == [1, 1, 2, 2]
-    late = [scans(r) for r in sensed(Faulty(laser(), Late(2)))]
-    assert [scan.t for found in late for scan in found] == pytest.approx([0.0, 0.1])
-    assert not late[1]
-    assert np.isnan(scans(sensed(Faulty(laser(), Impossible(math.nan)))[0])[0].ranges).all()
-    assert len(scans(sensed(Faulty(laser(), miscounted))[0])[0].ranges) == 158
-    still = sensed(Faulty(laser(), frozen_odometry))[1][0]
-    assert isinstance(still, Increment)
-    assert still[1:4] == (0.0, 0.0, 0.0)

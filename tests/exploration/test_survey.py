@@ -16,14 +16,12 @@ from tests.support.trials import trials
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.exploration import landmark_ways
-from trailmark.exploration.candidates import FEW, MOST_TRIES, NEAR
+from trailmark.exploration.candidates import MOST_TRIES
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.frontiers import frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.landmark_ways import plan_to
-from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.reachability import NOWHERE, Reach
-from trailmark.exploration.strategies import STRATEGIES
+from trailmark.exploration.strategies import STRATEGIES, Outlook
 from trailmark.exploration.survey import EXCLUDED, Memory, Survey, survey
 from trailmark.exploration.views import sight
 from trailmark.goals import Goal
@@ -68,8 +66,8 @@ def look(
     world = known.follow(World("hall", known.bounds, robot=ROBOT))
     planner = LandmarkPlanner(world, ROBOT, seed=0)
     memory = Memory(known) if memory is None else memory
-    settings, rng = ExplorationSettings(), np.random.default_rng(0)
-    return survey(known, planner, ROBOT, np.array(pose), None, sensor_range, settings, rng, memory), planner
+    rng = np.random.default_rng(0)
+    return survey(known, planner, ROBOT, np.array(pose), None, sensor_range, rng, memory), planner
 
 
 def test_a_closed_room_is_done() -> None:
@@ -162,7 +160,7 @@ def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robo
     planner, memory, rng = LandmarkPlanner(world, robot, seed=0), Memory(known), np.random.default_rng(0)
     memory.been[10, 10] = True
     here = np.array([2.45, 1.4, 0.0])
-    outlook = survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    outlook = survey(known, planner, robot, here, None, 2.0, rng, memory).outlook
     found = chosen(outlook._replace(here=here), (0.6, 1.5, 0.0), any_heading=True)
     assert plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory).path is None
     assert memory.closed_in
@@ -170,7 +168,7 @@ def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robo
     assert not (memory.refused == EXCLUDED).any()
     # Without the place where it was, the same is a proof.
     memory.been[10, 10], memory.closed_in = False, False
-    survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory)
+    survey(known, planner, robot, here, None, 2.0, rng, memory)
     plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory)
     assert not memory.closed_in
     assert memory.refused[15, 6] == EXCLUDED
@@ -184,7 +182,7 @@ def test_a_robot_that_cannot_drive_backwards_goes_nowhere_where_it_cannot_turn_r
     planner = LandmarkPlanner(known.follow(World("hall", known.bounds, robot=robot)), robot, seed=0)
     memory, here = Memory(known), np.array([1.05, 1.05, 0.0])
     rng, settings = np.random.default_rng(0), ExplorationSettings(planning_time=0.5)
-    outlook = survey(known, planner, robot, here, None, 2.0, settings, rng, memory).outlook
+    outlook = survey(known, planner, robot, here, None, 2.0, rng, memory).outlook
     for place, back in (((2.8, 0.95, 0.0), reverse), ((0.6, 1.55, 0.0), True)):
         found = plan_to(
             known, planner, chosen(outlook._replace(here=here), place, any_heading=True), 0, settings, memory
@@ -200,7 +198,7 @@ def test_where_nothing_is_found_any_longer_the_robot_came_from_there(monkeypatch
     planner, memory, rng = LandmarkPlanner(world, robot, seed=0), Memory(known), np.random.default_rng(0)
     memory.been[10, 10] = True
     here = np.array([2.45, 1.4, 0.0])
-    outlook = survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    outlook = survey(known, planner, robot, here, None, 2.0, rng, memory).outlook
     found = chosen(outlook._replace(here=here), (0.6, 1.5, 0.0), any_heading=True)
     monkeypatch.setattr(landmark_ways, "_excluded", lambda *_: np.zeros(memory.been.shape, np.bool_))
     for failed in (1, 2, 3):
@@ -215,25 +213,6 @@ def test_where_nothing_is_found_any_longer_the_robot_came_from_there(monkeypatch
     assert memory.refused[0, 0] == EXCLUDED
 
 
-def test_between_failures_other_places_get_their_turn_though_the_map_changes() -> None:
-    known = room_with_a_door()
-    state, memory = known.state.copy(), Memory(known)
-    look(known, (0.5, 0.5, 0.0), memory)
-    memory.refused[10:20, 20:28] = memory.failed = 1
-    # As noise has it, with each reading.
-    state[15, 26] = OCCUPIED
-    known.set_state(state)
-    found, _ = look(known, (0.5, 0.5, 0.0), memory)
-    assert memory.refused[15, 25] == 1
-    cells = known.cells_of(found.outlook.landmarks[:, :2])
-    assert len(cells[0])
-    assert (memory.refused[cells] == 0).all()
-    # Once a way was found, what has changed in the meantime is looked at anew.
-    memory.failed = 0
-    look(known, (0.5, 0.5, 0.0), memory)
-    assert memory.refused[15, 25] == 0
-
-
 @pytest.mark.slow
 def test_what_no_heading_leads_to_is_excluded_at_once_for_a_robot_with_a_shape() -> None:
     # The same room behind a window: one landmark, with one heading, tells that none of its cells is reached.
@@ -242,7 +221,7 @@ def test_what_no_heading_leads_to_is_excluded_at_once_for_a_robot_with_a_shape()
     world = known.follow(World("hall", known.bounds, robot=robot))
     planner, memory = LandmarkPlanner(world, robot, seed=0), Memory(known)
     rng, pose = np.random.default_rng(0), np.array([0.5, 0.6, 0.0])
-    outlook = survey(known, planner, robot, pose, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    outlook = survey(known, planner, robot, pose, None, 2.0, rng, memory).outlook
     memory.levels[known.state == FREE] = 1
     found = chosen(outlook, (2.1, 0.6, 0.0), any_heading=False)
     assert plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory).status == "infeasible"
@@ -311,33 +290,12 @@ def test_occupied_cells_are_no_proof_of_more_than_a_surface_in_them() -> None:
     assert levels[known.cells_of(ends[1][None, :2])] == NOWHERE
 
 
-GAPS = {
-    "wall": ["......", "##??##", "??????"],
-    "staircase": ["......", "##....", "??#...", "???...", "????#.", "????##"],
-    "corner": ["......", "###?..", "???#..", "???#.."],
-    "inner corner": ["#....", "#....", "??###", "?????"],
-    "edge of the map": ["......", "....??"],
-}
 OPEN = {
     "wall": ["......", "#???##", "??????"],
     "corner": ["......", "##??..", "????..", "???#.."],
     "side of a box": ["......", "####..", "???#..", "????..", "????..", "????.."],
     "post": [".....", ".....", "..?..", ".....", "....."],
 }
-
-
-@pytest.mark.parametrize("rows", GAPS.values(), ids=GAPS)
-def test_gaps_of_two_cells_in_a_surface_are_no_frontiers(rows: list[str]) -> None:
-    state = known_of(rows).state
-    assert len(frontiers_of(state, state == UNKNOWN, 50.0).edges) == 0
-
-
-@pytest.mark.parametrize("rows", OPEN.values(), ids=OPEN)
-def test_wider_gaps_and_what_stands_alone_are_frontiers(rows: list[str]) -> None:
-    state = known_of(rows).state
-    frontiers = frontiers_of(state, state == UNKNOWN, 50.0)
-    assert len(frontiers.edges) > 0
-    assert (state[tuple(frontiers.unknown.T)] == UNKNOWN).all()
 
 
 BEAMS, STEPS_PER_CELL = 900, 4
@@ -375,7 +333,7 @@ class Hidden:
         world = known.follow(World("hidden", known.bounds, robot=self.robot))
         planner, memory = LandmarkPlanner(world, self.robot, seed=0), Memory(known)
         for _ in range(most):
-            found = survey(known, planner, self.robot, self.pose, None, self.range, settings, rng, memory)
+            found = survey(known, planner, self.robot, self.pose, None, self.range, rng, memory)
             if found.ended:
                 return found
             planned = plan_to(known, planner, found, STRATEGIES[strategy](found.outlook), settings, memory)
@@ -501,46 +459,3 @@ def test_ways_that_are_not_found_keep_nothing_else_from_being_seen(monkeypatch: 
     assert hidden.statuses.count("timeout") >= 2
     assert found.status == "stuck"
     assert "nor is it proven" in found.ended
-
-
-def test_where_cells_are_divided_what_was_looked_at_counts_and_where_ways_lead_is_asked_anew() -> None:
-    known = room_with_a_door()
-    _, _ = look(known, (1.5, 1.5, 0.0), memory := Memory(known))
-    memory.refused[5, 5], memory.looked[20, 20], memory.tries[3, 4] = EXCLUDED, 1.5, 2
-    finer = known.refined()
-    divided = memory.divided(known.state, finer)
-    assert divided.looked.shape == finer.state.shape == (60, 60)
-    assert (divided.refused == 0).all()
-    assert not divided.never.any()
-    assert divided.sensed == memory.sensed
-    assert divided.been[30:32, 30:32].all()
-    assert divided.been.sum() == 4 * memory.been.sum()
-    assert (divided.tries[6:8, 8:10] == 2).all()
-    unknown = known.state.repeat(2, axis=0).repeat(2, axis=1) == UNKNOWN
-    assert (divided.looked[~unknown] == 0.0).all()
-    assert np.array_equal(divided.looked[unknown], memory.looked.repeat(2, axis=0).repeat(2, axis=1)[unknown])
-
-
-def test_frontiers_are_given_to_landmarks_that_see_them_from_near_where_there_are_any() -> None:
-    known = room_with_a_door(FEW + 1, side=60)
-    found, _ = look(known, (0.5, 0.5, 0.0), Memory(known), sensor_range=4.0)
-    outlook, reach = found.outlook, found.outlook.sensor_range
-    assert outlook.sees.any(axis=0).all()
-    # A landmark is to show something, from wherever.
-    assert all(len(rows) for rows, _ in found.expected)
-    for landmark, sees, (rows, columns) in zip(outlook.landmarks, outlook.sees, found.expected, strict=True):
-        away = np.hypot(*(known.centres(rows, columns) - landmark[:2]).T)
-        assert away.max() <= reach + known.cell
-        others = outlook.landmarks[outlook.sees.any(axis=1)]
-        for x, y in known.centres(rows, columns)[away > NEAR * reach + known.cell] if sees.any() else ():
-            assert (np.hypot(*(others[:, :2] - (x, y)).T) > NEAR * reach - known.cell).all()
-
-
-@pytest.mark.parametrize("width", [FEW, FEW + 1])
-def test_short_frontiers_alone_are_looked_at_from_afar_though_others_could_come_near(width: int) -> None:
-    known = room_with_a_door(width, side=60)
-    outlook = look(known, (0.5, 0.5, 0.0), Memory(known), sensor_range=4.0)[0].outlook
-    door = known.centres(np.arange(14, 14 + width), np.full(width, 59))
-    lines = outlook.landmarks[outlook.sees.any(axis=1), None, :2] - door
-    farthest = np.hypot(lines[..., 0], lines[..., 1]).min(axis=1).max()
-    assert (farthest > NEAR * outlook.sensor_range + known.cell) == (width <= FEW)

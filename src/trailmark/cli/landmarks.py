@@ -108,7 +108,6 @@ def landmarks(
                     start=start,
                     sensor_range=reach,
                     grown=grow_boxes,
-                    on_progress=follow,
                 )
                 executions.append(found)
             else:

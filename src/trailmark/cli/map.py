@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from trailmark.cli import console
-from trailmark.cli.map_settings import read_probability, settings_of
+from trailmark.cli.map_settings import read_map_settings, read_probability
 from trailmark.cli.map_summary import plural, print_summary
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
@@ -16,7 +18,7 @@ from trailmark.cli.options import (
     UsageError,
     output_file,
     protect_inputs,
-    read_count,
+    read_configuration,
     read_robot,
     robot_file,
 )
@@ -30,12 +32,9 @@ ROBOT = "disc:0.2"
 NOT_CERTIFIED = 3
 """Exit status: --confidence for a map whose estimates are not to be relied on."""
 
-_NOISE = "Noise and mapping"
-_LOG = "Log"
 
-
-def _option(name: str, metavar: str, text: str, panel: str | None = None) -> Any:
-    return typer.Option(name, metavar=metavar, help=text, show_default=False, rich_help_panel=panel)
+def _option(name: str, metavar: str, text: str) -> Any:
+    return typer.Option(name, metavar=metavar, help=text, show_default=False)
 
 
 def map_log(
@@ -77,47 +76,16 @@ def map_log(
     nav2: Annotated[
         str | None, _option("--nav2", "MAP.yaml", "Write the map for nav2 too: MAP.yaml and MAP.pgm beside it.")
     ] = None,
-    graph: Annotated[
-        str | None, _option("--graph", "FILE.g2o", "Write the graph of matched scans (--poses match).")
-    ] = None,
     as_json: JsonOption = False,
-    skip_bad: Annotated[
-        bool, typer.Option("--skip-bad", help="Leave out bad records, and say how many.", rich_help_panel=_LOG)
-    ] = False,
-    mrclam_robot: Annotated[
-        str | None, _option("--mrclam-robot", "N", "Which robot of an MRCLAM folder.", _LOG)
-    ] = None,
-    corrected: Annotated[
-        bool,
-        typer.Option(
-            "--corrected", help="A CARMEN log's poses are corrected, though it does not look so.", rich_help_panel=_LOG
-        ),
-    ] = False,
-    scan_topic: Annotated[str | None, _option("--scan-topic", "NAME", "Of a bag with several.", _LOG)] = None,
-    odometry_topic: Annotated[str | None, _option("--odometry-topic", "NAME", "Of a bag with several.", _LOG)] = None,
-    obstacles: Annotated[
-        str, typer.Option("--obstacles", metavar="FROM", help="auto, detections or scans (preferred).")
-    ] = "auto",
+    skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave out bad records, and say how many.")] = False,
     poses: Annotated[
-        str,
-        typer.Option(
+        str | None,
+        _option(
             "--poses",
-            metavar="FROM",
-            help="auto, match (scans), slam (EKF), log (as it states them), or odometry (it drifts).",
+            "FROM",
+            "match (scans), slam (EKF), log (as it states them), or odometry (it drifts); default: auto, by the log.",
         ),
-    ] = "auto",
-    association: Annotated[
-        str,
-        typer.Option(
-            "--association", metavar="NAME", help="auto, known (identities), nearest, or joint (compatibility)."
-        ),
-    ] = "auto",
-    radius: Annotated[
-        str,
-        typer.Option(
-            "--radius", metavar="R[,SIGMA]", help="Radius of what was detected and its standard deviation, metres."
-        ),
-    ] = "0.1",
+    ] = None,
     start: Annotated[
         str | None, _option("--start", "X,Y,T", "Where the robot stood first; default: as the log says, or 0,0,0.")
     ] = None,
@@ -130,108 +98,9 @@ def map_log(
             "that localises on them.",
         ),
     ] = None,
-    sensor_noise: Annotated[
+    settings: Annotated[
         str | None,
-        _option(
-            "--sensor-noise",
-            "A,B",
-            "Standard deviations of detections, in place of those in the log: range and bearing (m, rad), or x and y.",
-            _NOISE,
-        ),
-    ] = None,
-    odometry_noise: Annotated[
-        str | None,
-        _option(
-            "--odometry-noise",
-            "A,B",
-            "Standard deviations of odometry, in place of those in the log: of velocities over a second (m/s, rad/s), "
-            "of increments over a metre (m, rad).",
-            _NOISE,
-        ),
-    ] = None,
-    pose_noise: Annotated[
-        str | None,
-        _option("--pose-noise", "XY,THETA", "Standard deviations of the log's poses; default: 0.02,0.005.", _NOISE),
-    ] = None,
-    scan_noise: Annotated[
-        str | None,
-        _option("--scan-noise", "RANGE,BEARING", "Standard deviations of beams; default: 0.02,0.003.", _NOISE),
-    ] = None,
-    robot_noise: Annotated[
-        str | None,
-        _option(
-            "--robot-noise",
-            "XY,THETA",
-            "Standard deviations of the pose of the robot that will drive; --confidence makes room for them.",
-            _NOISE,
-        ),
-    ] = None,
-    confirm: Annotated[
-        str | None,
-        _option("--confirm", "N", "Readings (scans) that confirm a feature; default: 5 (3).", _NOISE),
-    ] = None,
-    outlier_gate: Annotated[
-        str,
-        typer.Option(
-            "--outlier-gate",
-            metavar="P",
-            help="Probability that a good reading of known identity passes; none; or auto.",
-            rich_help_panel=_NOISE,
-        ),
-    ] = "auto",
-    fit_noise: Annotated[
-        str,
-        typer.Option(
-            "--fit-noise",
-            metavar="WHEN",
-            help="Estimate the noise and systematic errors of odometry and detections: auto (where what is stated does "
-            "not fit), on, or off.",
-            rich_help_panel=_NOISE,
-        ),
-    ] = "auto",
-    smooth: Annotated[
-        bool,
-        typer.Option(
-            "--smooth/--no-smooth",
-            help="Whether a batch over the whole log follows the filter of detections.",
-            rich_help_panel=_NOISE,
-        ),
-    ] = True,
-    unknown: Annotated[
-        str,
-        typer.Option(
-            "--unknown", metavar="HOW", help="What no beam looked into: blocked or free.", rich_help_panel=_NOISE
-        ),
-    ] = "blocked",
-    cell: Annotated[
-        str | None,
-        typer.Option(
-            "--cell",
-            metavar="METRES",
-            help="Side of a scan map's cells; by default 0.05, or what the log of an exploration says if that is more.",
-            rich_help_panel=_NOISE,
-        ),
-    ] = None,
-    shapes: Annotated[
-        str,
-        typer.Option(
-            "--shapes",
-            metavar="KIND",
-            help="What scans become: fitted (walls, discs, heaps), hulls, or boxes (plain ones).",
-        ),
-    ] = "fitted",
-    pose_memory: Annotated[
-        str | None,
-        _option(
-            "--pose-memory",
-            "METRES",
-            "Way after which errors of the log's poses are others, so that they average out; default: never.",
-            _NOISE,
-        ),
-    ] = None,
-    scan_range: Annotated[
-        str | None,
-        _option("--scan-range", "METRES", "Leave out what beams met farther away; default: nothing.", _NOISE),
+        _option("--settings", "FILE.yaml", "Noise, association, radius, cells, …: lines 'name: value' of MapSettings."),
     ] = None,
 ) -> None:
     """Turn a sensor log into a world: what was detected becomes discs, what lasers scanned walls, discs and heaps.
@@ -239,61 +108,32 @@ def map_log(
     The obstacles keep their covariances. The file goes straight into 'trailmark plan'.
     """
     probability = None if confidence is None else read_probability(confidence, "--confidence")
-    number = None if mrclam_robot is None else read_count(mrclam_robot, "--mrclam-robot", 0)
+    first = None if start is None else read_configuration(start, "--start")
     body = read_robot(robot)
     world_file = output_file(output, WORLD_SUFFIXES)
     picture = output_file(plot, PICTURE_SUFFIXES)
-    tum_file, g2o_file = output_file(trajectory, TRAJECTORY_SUFFIXES), output_file(graph, (".g2o",))
+    tum_file = output_file(trajectory, TRAJECTORY_SUFFIXES)
     nav2_file = output_file(nav2, WORLD_SUFFIXES)
     image_file = None if nav2_file is None else output_file(str(nav2_file.with_suffix(".pgm")), (".pgm",))
 
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
         from trailmark.estimation.errors import NotCertifiedError
-        from trailmark.estimation.graph.g2o import write_g2o
         from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.maps.log_map import map_log as map_records
         from trailmark.formats.nav2_map import save_nav2_map
         from trailmark.formats.path_files import write_tum
 
-        protect_inputs(
-            (*log_files(log), *robot_file(robot)), world_file, picture, tum_file, g2o_file, nav2_file, image_file
-        )
+        inputs = (*log_files(log), *robot_file(robot), *(() if settings is None else (Path(settings),)))
+        protect_inputs(inputs, world_file, picture, tum_file, nav2_file, image_file)
         if nav2_file is not None and nav2_file == world_file:
             raise UsageError(f"expected another file than --output for --nav2, got {nav2!r} twice")
-        settings = settings_of(
-            obstacles=obstacles,
-            poses=poses,
-            association=association,
-            radius=radius,
-            start=start,
-            frame=frame,
-            sensor_noise=sensor_noise,
-            odometry_noise=odometry_noise,
-            pose_noise=pose_noise,
-            scan_noise=scan_noise,
-            robot_noise=robot_noise,
-            confirm=confirm,
-            outlier_gate=outlier_gate,
-            fit_noise=fit_noise,
-            smooth=smooth,
-            unknown=unknown,
-            cell=cell,
-            shapes=shapes,
-            pose_memory=pose_memory,
-            scan_range=scan_range,
-        )
-        if settings.robot_sigma is not None and probability is None:
-            raise UsageError(f"--robot-noise {robot_noise!r} given without --confidence, allowed: both")
-        read = load_log(
-            log,
-            form,
-            skip_bad,
-            robot=number,
-            corrected=corrected or None,
-            scan_topic=scan_topic,
-            odometry_topic=odometry_topic,
-        )
+        chosen, reading = read_map_settings(settings)
+        options: dict[str, Any] = {"poses": poses, "start": first, "frame": frame}
+        chosen = replace(chosen, **{name: value for name, value in options.items() if value is not None})
+        if chosen.robot_sigma is not None and probability is None:
+            raise UsageError("settings: robot_sigma given without --confidence, allowed: both")
+        read = load_log(log, form, skip_bad, **reading)
         progress.stage("mapping")
 
         def follow(what: str, done: int, total: int) -> None:
@@ -303,7 +143,7 @@ def map_log(
         try:
             mapped = map_records(
                 read,
-                settings,
+                chosen,
                 robot=body,
                 confidence=probability,
                 even_if_uncertain=even_if_uncertain,
@@ -330,20 +170,15 @@ def map_log(
             write_tum(tum_file, mapped.trajectory)
             written.append(tum_file)
         if nav2_file is not None:
-            side = settings.mapping.cell_side(read.cell) if mapped.scans is None else mapped.scans.grid.cell
+            side = chosen.mapping.cell_side(read.cell) if mapped.scans is None else mapped.scans.grid.cell
             written += save_nav2_map(mapped.world, nav2_file, side)
-        if g2o_file is not None:
-            if mapped.matched is None:
-                raise UsageError(f"--graph {graph!r} given with poses by {mapped.poses}, allowed: --poses match")
-            write_g2o(g2o_file, mapped.trajectory[mapped.matched.keys, 1:], mapped.matched.relations)
-            written.append(g2o_file)
 
     if read.dropped:
         typer.echo(f"trailmark: {plural(read.dropped, 'bad record')} left out of {log}", err=True)
     for warning in mapped.warnings:
         console.warn(warning)
     if as_json:
-        files = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2, "graph": graph}
+        files = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2}
         record = {"log": log, **mapped.figures(), "robot": body and body.describe(), "written": files}
         console.say(console.json_text(record))
     else:

@@ -1,103 +1,90 @@
-"""What the options of ``trailmark map`` mean for :func:`trailmark.estimation.map_log`."""
+"""The file that ``trailmark map --settings`` takes: a YAML mapping of the settings that have no option."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from trailmark.cli.options import UsageError, read_configuration, read_count, read_length, read_number
+from trailmark.cli.options import read_number
 
 if TYPE_CHECKING:
     from trailmark.estimation.maps.map_settings import MapSettings
 
-__all__ = ["read_probability", "settings_of"]
+__all__ = ["MapFile", "read_map_settings", "read_probability"]
+
+LOG_SETTINGS = ("corrected", "scan_topic", "odometry_topic")
+"""What a reader of logs may be told under ``log``; see :func:`trailmark.estimation.load_log`."""
 
 
-def settings_of(**given: Any) -> MapSettings:
-    """Return the settings that the options of ``trailmark map`` give, by their names.
+class MapFile(NamedTuple):
+    """What a settings file says."""
+
+    settings: MapSettings
+    log: dict[str, Any]
+    """How the log is read, by the names of :func:`trailmark.estimation.load_log`."""
+
+
+def read_map_settings(file: str | None) -> MapFile:
+    """Return the settings in a YAML file: nested mappings by the names of :class:`trailmark.estimation.MapSettings`.
+
+    What the file leaves out keeps its default. Under ``log`` it may say how the log is read.
 
     Raises:
-        UsageError: an option that cannot be read.
-        EstimationError: a value that is not allowed.
+        FormatError: a file that cannot be read, an unknown name, a value that is not allowed.
     """
-    from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
-    from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
-    from trailmark.estimation.maps.map_settings import MappingSettings, MapSettings
+    from trailmark.errors import FormatError
+    from trailmark.estimation.errors import EstimationError
+    from trailmark.estimation.maps.map_settings import MapSettings
 
-    s = MapSettings(
-        obstacles=given["obstacles"], poses=given["poses"], smooth=given["smooth"], fit_noise=given["fit_noise"]
-    )
-    slam = replace(s.slam, association=given["association"])
-    sizes = _numbers(given["radius"], "--radius", (1, 2), "R or R,SIGMA in metres, R above 0")
-    if sizes[0] == 0.0:
-        raise UsageError(f"expected R or R,SIGMA in metres, R above 0, got --radius {given['radius']!r}")
-    s = replace(s, radius=sizes[0], radius_sigma=sizes[1] if len(sizes) > 1 else 0.0)
-    if given["start"] is not None:
-        s = replace(s, start=read_configuration(given["start"], "--start"))
-    s = replace(s, frame=given["frame"])
-    if given["outlier_gate"] != "auto":
-        word = given["outlier_gate"]
-        gate = None if word == "none" else read_probability(word, "--outlier-gate", " (or none, auto)")
-        slam = replace(slam, outlier_gate=gate)
-    pair = _pair_of(given)
-    if (noise := pair("sensor_noise", positive=True)) is not None:
-        a, b = noise
-        s = replace(s, range_bearing=RangeBearing(a, b), cartesian=Cartesian(a, b), stated_sensor_noise=False)
-    if (noise := pair("odometry_noise")) is not None:
-        a, b = noise
-        increment = PoseIncrement(1e-3, 1e-3, 1e-3, growth=(a**2, b**2, b**2))
-        s = replace(s, velocity=Unicycle(a, b, period=1.0), increment=increment, stated_motion_noise=False)
-    if (noise := pair("robot_noise")) is not None:
-        s = replace(s, robot_sigma=noise)
-    if given["confirm"] is not None:
-        count = read_count(given["confirm"], "--confirm", 1, 1_000_000)
-        slam, s = replace(slam, confirm=count), replace(s, mapping=replace(s.mapping, confirm=count))
-    mapping: MappingSettings = replace(
-        s.mapping,
-        unknown=given["unknown"],
-        shapes=given["shapes"],
-        cell=None if given["cell"] is None else read_length(given["cell"], "--cell"),
-    )
-    if given["pose_memory"] is not None:
-        mapping = replace(mapping, pose_memory=read_length(given["pose_memory"], "--pose-memory"))
-    if (noise := pair("pose_noise")) is not None:
-        mapping = replace(mapping, pose_sigma=noise)
-    if (noise := pair("scan_noise", positive=True)) is not None:
-        mapping = replace(mapping, scan=replace(mapping.scan, sigma_range=noise[0], sigma_bearing=noise[1]))
-    if given["scan_range"] is not None:
-        reach = read_length(given["scan_range"], "--scan-range")
-        mapping = replace(mapping, scan=replace(mapping.scan, max_range=reach))
-    return replace(s, slam=slam, mapping=mapping)
+    if file is None:
+        return MapFile(MapSettings(), {})
+    import yaml
 
+    from trailmark.formats.files import read_text
 
-def _pair_of(given: dict[str, Any]) -> Callable[..., tuple[float, float] | None]:
-    """Return what reads an option of two numbers by its name."""
-
-    def read(name: str, positive: bool = False) -> tuple[float, float] | None:
-        text = given[name]
-        if text is None:
-            return None
-        option = f"--{name.replace('_', '-')}"
-        expected = f"A,B, two numbers {'above 0' if positive else 'of 0 or more'}"
-        a, b = _numbers(text, option, (2,), expected)
-        if positive and not min(a, b) > 0.0:
-            raise UsageError(f"expected {expected}, got {option} {text!r}")
-        return a, b
-
-    return read
-
-
-def _numbers(text: str, option: str, counts: tuple[int, ...], expected: str) -> list[float]:
-    """Return the finite numbers of 0 or more that an option gives, as many as one of ``counts``."""
+    path = Path(file)
     try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in counts or not all(0.0 <= value < math.inf for value in values):
-        raise UsageError(f"expected {expected}, got {option} {text!r}")
-    return values
+        given: Any = yaml.safe_load(read_text(path))
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise FormatError(path, f"expected YAML, got {' '.join(str(error).split())}") from None
+    try:
+        log = _mapping(given, "").pop("log", None)
+        log = {} if log is None else _known(_mapping(log, "log."), LOG_SETTINGS, "log.")
+        return MapFile(_changed(MapSettings(), {name: given[name] for name in given if name != "log"}, "", "log"), log)
+    except EstimationError as error:
+        raise FormatError(path, str(error)) from None
+
+
+def _changed(settings: Any, given: Any, place: str, *more: str) -> Any:
+    """Return settings, or a part of them, with the values of a mapping; ``more`` names what else may be there."""
+    names = [field.name for field in fields(settings) if field.init]
+    values = _known(_mapping(given, place), (*names, *more), place)
+    for name, value in values.items():
+        part = getattr(settings, name)
+        if is_dataclass(part):
+            values[name] = _changed(part, value, f"{place}{name}.")
+    return replace(settings, **values)
+
+
+def _mapping(given: Any, place: str) -> dict[Any, Any]:
+    from trailmark.estimation.errors import EstimationError
+
+    if not isinstance(given, dict):
+        what = f"{place.rstrip('.')}: " if place else ""
+        raise EstimationError(f"{what}expected lines 'name: value', got {type(given).__name__}")
+    return dict(given)
+
+
+def _known(given: dict[Any, Any], names: tuple[str, ...], place: str) -> dict[str, Any]:
+    from trailmark.errors import expected_name
+    from trailmark.estimation.errors import EstimationError
+
+    for name in given:
+        if name not in names:
+            raise EstimationError(f"setting {place}{name}: {expected_name(str(name), names)}")
+    return given
 
 
 def read_probability(text: str, option: str, more: str = "") -> float:

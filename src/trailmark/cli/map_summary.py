@@ -74,7 +74,7 @@ def _poses_text(mapped: MappedLog, found: dict[str, Any]) -> str:
         "odometry": "odometry alone",
     }[mapped.poses]
     counts = found["counts"] or {}
-    named = ("outliers", "repeated", "late", "ambiguous", "unidentified", "unknown", "cut_short")
+    named = ("outliers", "repeated", "ambiguous", "unidentified", "cut_short")
     ignored = [f"{counts[name]:,} {name.replace('_', ' ')}" for name in named if counts.get(name)]
     return f"{source}; {way['length']:,.1f} m driven" + (f"; {', '.join(ignored)}" if ignored else "")
 

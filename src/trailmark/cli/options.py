@@ -210,10 +210,7 @@ def robot_file(text: str | None) -> tuple[Path, ...]:
 
 
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
-    """Return the file to be written, once its suffix is known and it can be written; None for None.
-
-    Without suffixes, the function that writes the file checks an existing one.
-    """
+    """Return the file to be written, once its suffix is known and it can be written; None for None."""
     if text is None:
         return None
     from trailmark.formats.files import check_writable
@@ -225,7 +222,7 @@ def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
 
 def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
     """Raise if an output is one of the files read, or another output; to be asked before long work."""
-    from trailmark.formats.outputs import require_not_an_input
+    from trailmark.formats.files import require_not_an_input
 
     read, written = tuple(inputs), set[Path]()
     for file in filter(None, outputs):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trailmark.cli import console, options, plan_options
-from trailmark.cli.options import UsageError, option
+from trailmark.cli.options import option
 
 if TYPE_CHECKING:
     from trailmark.path import Path as TrailPath
@@ -62,15 +62,6 @@ def plan(
             "Maximum number of planning rounds; with time enough for them, the same seed gives the same path.",
         ),
     ] = None,
-    confidence: Annotated[
-        str | None,
-        option(
-            "--confidence",
-            "P",
-            "In a world with estimates: the path meets none of the true obstacles with probability P; what may be "
-            "risked is spent along this path.",
-        ),
-    ] = None,
     settings: Annotated[str | None, option("--settings", "FILE.yaml", "Planner settings, lines 'name: value'.")] = None,
     output: Annotated[
         str | None,
@@ -108,7 +99,6 @@ def plan(
     number = options.read_count(seed, "--seed", 0)
     count = None if landmarks is None else options.read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
     rounds = None if max_iterations is None else options.read_count(max_iterations, "--max-iterations", 1)
-    probability = None if confidence is None else options.read_probability(confidence, "--confidence")
     share = options.read_number(gap, "--gap", "a finite number of 0 or more", low=0.0)
     margin = plan_options.read_clearance(clearance, relax)
     given = options.RobotOptions.read(robot, turning_radius, forward_only, drive)
@@ -127,8 +117,6 @@ def plan(
     )
     charges = plan_options.read_objective(objective, timing, reverse_cost, direction_change_cost)
     outputs = (path_file, picture, timing.table, timing.animation)
-    if smooth and probability is not None:
-        raise UsageError(f"expected --smooth or --confidence, got both (--confidence {confidence!r})")
     shown, asked = plan_options.read_layers(layers, plot), Event()
 
     with console.progress("loading") as progress:
@@ -136,8 +124,7 @@ def plan(
         loaded = options.load_world(world, keepout, speed_mask, timing.limits[0])
         options.protect_inputs((*loaded.sources, *given.files), *outputs)
         body = given.robot_in(loaded)
-        if probability is None:
-            loaded = options.grown_for(loaded, body)
+        loaded = options.grown_for(loaded, body)
         name, a, b = given_ends.ends(loaded)
         loading = time.perf_counter() - begun
 
@@ -172,8 +159,7 @@ def plan(
 
         extras: dict[str, Any] = {}
         if smooth:
-            result, found = plan_options.smoothed(result, loaded, body)
-            extras |= found
+            result, extras = plan_options.smoothed(result, loaded, body)
         record = result.to_dict(world=loaded.name, query=name) | extras
         record["settings"] = chosen.to_dict()
         record["time"]["load"] = loading

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from trailmark.planning import PlanResult
     from trailmark.world import Robot, World
 
-ANIMATION_SUFFIXES = (".gif", ".html")
+ANIMATION_SUFFIXES = (".gif",)
 
 MAX_HALVINGS = 8
 """How often a step is halved: the line is off the curve by 65,536 times less then, nanometres."""
@@ -98,7 +98,7 @@ TrajectoryOption = Annotated[
         ".nav2.json).",
     ),
 ]
-AnimateOption = Annotated[Text, option("--animate", "FILE", "Write an animation of the trajectory: .gif or .html.")]
+AnimateOption = Annotated[Text, option("--animate", "FILE", "Write an animation of the trajectory as a .gif.")]
 MaxSpeedOption = Annotated[
     Text, option("--max-speed", "M/S", f"Maximum speed of the reference point; default: {DEFAULT_SPEED:g}.")
 ]
@@ -288,7 +288,7 @@ class Timing:
 
         trajectory = result.path.timed(*self.limits, zones=world.zones)
         if self.table is not None:
-            from trailmark.formats.trajectory_files import write_trajectory
+            from trailmark.formats.path_files import write_trajectory
 
             # Between the rows of the law, evenly spaced ones, for programs that join rows by straight lines.
             count = min(MAX_ROWS, int(np.ceil(trajectory.duration / PERIOD)))
@@ -328,7 +328,7 @@ def read_timing(
         limits.append(
             default if text is None else options.read_number(text, name, expected, low=LEAST_LIMIT, high=MAX_LIMIT)
         )
-    from trailmark.formats.trajectory_files import TRAJECTORY_SUFFIXES
+    from trailmark.formats.path_files import TRAJECTORY_SUFFIXES
 
     files = options.output_file(table, TRAJECTORY_SUFFIXES), options.output_file(animation, ANIMATION_SUFFIXES)
     return Timing((limits[0], limits[1], limits[2], limits[3]), *files)

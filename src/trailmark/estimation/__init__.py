@@ -18,11 +18,9 @@ if TYPE_CHECKING:
     from trailmark.estimation.filter.motion import MotionModel as MotionModel
     from trailmark.estimation.filter.motion import PoseIncrement as PoseIncrement
     from trailmark.estimation.filter.motion import Unicycle as Unicycle
-    from trailmark.estimation.filter.sensor_model import SensorModel as SensorModel
     from trailmark.estimation.filter.sensors import Cartesian as Cartesian
-    from trailmark.estimation.filter.sensors import LinePolar as LinePolar
     from trailmark.estimation.filter.sensors import RangeBearing as RangeBearing
-    from trailmark.estimation.graph.graph_settings import GraphSettings as GraphSettings
+    from trailmark.estimation.filter.sensors import SensorModel as SensorModel
     from trailmark.estimation.logs import load_log as load_log
     from trailmark.estimation.logs import save_log as save_log
     from trailmark.estimation.logs.records import Detection as Detection
@@ -36,19 +34,14 @@ if TYPE_CHECKING:
     from trailmark.estimation.maps.map_settings import MapSettings as MapSettings
     from trailmark.estimation.maps.mapped_log import MappedLog as MappedLog
     from trailmark.estimation.maps.obstacle_estimates import disc_estimates as disc_estimates
-    from trailmark.estimation.maps.obstacle_estimates import hull_estimate as hull_estimate
-    from trailmark.estimation.maps.obstacle_estimates import plain_box as plain_box
     from trailmark.estimation.maps.obstacle_estimates import wall_estimate as wall_estimate
     from trailmark.estimation.maps.scan_map import ScanMap as ScanMap
     from trailmark.estimation.maps.scan_map import map_scans as map_scans
-    from trailmark.estimation.risk.allocation import grown_world as grown_world
     from trailmark.estimation.risk.allocation import refined as refined
     from trailmark.estimation.risk.allocation import regrow as regrow
     from trailmark.estimation.risk.growth import grow as grow
     from trailmark.estimation.risk.path_risk import path_risk as path_risk
-    from trailmark.estimation.scans.scan_settings import ScanSettings as ScanSettings
-    from trailmark.estimation.simulation.readings import RefinedPoint as RefinedPoint
-    from trailmark.estimation.simulation.readings import refine_point as refine_point
+    from trailmark.estimation.scans.scan_features import ScanSettings as ScanSettings
     from trailmark.estimation.simulation.readings import refine_points as refine_points
     from trailmark.estimation.simulation.readings import sense_obstacles as sense_obstacles
     from trailmark.estimation.simulation.simulator import Simulation as Simulation
@@ -57,33 +50,30 @@ if TYPE_CHECKING:
     from trailmark.estimation.simulation.virtual_sensors import Scanner as Scanner
     from trailmark.estimation.slam.ekf_slam import EkfSlam as EkfSlam
     from trailmark.estimation.slam.slam_result import SlamResult as SlamResult
-    from trailmark.estimation.slam.slam_settings import SlamSettings as SlamSettings
+    from trailmark.estimation.slam.slam_result import SlamSettings as SlamSettings
 
 _NAMES = {
     "errors": "EstimationError NotCertifiedError RecordError",
     "filter.ekf": "SlamFilter",
     "filter.gain": "Innovation Prediction",
     "filter.motion": "MotionModel PoseIncrement Unicycle",
-    "filter.sensor_model": "SensorModel",
-    "filter.sensors": "Cartesian LinePolar RangeBearing",
-    "graph.graph_settings": "GraphSettings",
+    "filter.sensors": "Cartesian RangeBearing SensorModel",
     "logs": "load_log save_log",
     "logs.records": "Detection Increment Log Odometry Pose Scan",
     "maps.log_map": "map_log",
     "maps.map_settings": "MapSettings MappingSettings",
     "maps.mapped_log": "MappedLog",
-    "maps.obstacle_estimates": "disc_estimates hull_estimate plain_box wall_estimate",
+    "maps.obstacle_estimates": "disc_estimates wall_estimate",
     "maps.scan_map": "ScanMap map_scans",
-    "risk.allocation": "grown_world refined regrow",
+    "risk.allocation": "refined regrow",
     "risk.path_risk": "path_risk",
     "risk.growth": "grow",
-    "scans.scan_settings": "ScanSettings",
-    "simulation.readings": "RefinedPoint refine_point refine_points sense_obstacles",
+    "scans.scan_features": "ScanSettings",
+    "simulation.readings": "refine_points sense_obstacles",
     "simulation.simulator": "Simulation simulate",
     "simulation.virtual_sensors": "Detector Scanner",
     "slam.ekf_slam": "EkfSlam",
-    "slam.slam_result": "SlamResult",
-    "slam.slam_settings": "SlamSettings",
+    "slam.slam_result": "SlamResult SlamSettings",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 

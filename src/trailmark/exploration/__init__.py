@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from trailmark.exploration.exploration_folder import save_exploration as save_exploration
     from trailmark.exploration.exploration_settings import ExplorationSettings as ExplorationSettings
     from trailmark.exploration.explorer import Explorer as Explorer
-    from trailmark.exploration.outlook import Outlook as Outlook
-    from trailmark.exploration.outlook import Strategy as Strategy
     from trailmark.exploration.result import Evaluation as Evaluation
     from trailmark.exploration.result import ExplorationProgress as ExplorationProgress
     from trailmark.exploration.result import ExplorationResult as ExplorationResult
@@ -22,14 +20,16 @@ if TYPE_CHECKING:
     from trailmark.exploration.robots import ExploringRobot as ExploringRobot
     from trailmark.exploration.simulated_robot import SimulatedRobot as SimulatedRobot
     from trailmark.exploration.strategies import STRATEGIES as STRATEGIES
+    from trailmark.exploration.strategies import Outlook as Outlook
+    from trailmark.exploration.strategies import Strategy as Strategy
 
 _HOME = {
     "load_exploration": "exploration_folder",
     "save_exploration": "exploration_folder",
     "ExplorationSettings": "exploration_settings",
     "Explorer": "explorer",
-    "Outlook": "outlook",
-    "Strategy": "outlook",
+    "Outlook": "strategies",
+    "Strategy": "strategies",
     "Evaluation": "result",
     "ExplorationProgress": "result",
     "ExplorationResult": "result",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from functools import partial
 from threading import Event
 from time import perf_counter
+from types import FrameType
 from typing import TypeVar
 
-__all__ = ["Background", "Result"]
+__all__ = ["Background", "Result", "postponed_interrupts"]
 
 WAIT = 0.03
 """Seconds that work is waited for at least: most ways are found sooner, and others are asked for at the next reading.
@@ -73,3 +77,32 @@ class Background:
         """Do no work any longer."""
         self._stopped.set()
         self._threads.shutdown()
+
+
+@contextmanager
+def postponed_interrupts() -> Iterator[Callable[[], bool]]:
+    """Yield a function that says whether Ctrl-C was pressed, which interrupts nothing; a second one does as before.
+
+    An interrupt between any two lines would leave the map and the planner's world at odds. In threads other than the
+    main one, which Ctrl-C never interrupts, the function always says no.
+    """
+    received = list[int]()
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    # SIGTERM likewise where somebody made an exception of it, as the shell command does; else it ends the process.
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {n: handler for n, handler in before.items() if callable(handler)}
+
+    def receive(number: int, frame: FrameType | None) -> None:
+        received.append(number)
+        if len(received) > 1:
+            handlers[signal.Signals(number)](number, frame)
+
+    for number in handlers:
+        signal.signal(number, receive)
+    try:
+        yield lambda: bool(received)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +13,13 @@ from numpy.typing import NDArray
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.background import Background, Result
 from trailmark.exploration.certainty import open_loop, places_of
-from trailmark.exploration.contact import contact_points
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.following import PathFollower, turned_around
+from trailmark.exploration.following import PathFollower, contact_points, turned_around
+from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.landmark_ways import plan_to
-from trailmark.exploration.mapper import Mapper
-from trailmark.exploration.outlook import Strategy
-from trailmark.exploration.planner_in_map import Divided, divided, planner_in
+from trailmark.exploration.mapper import Draw, Mapper
 from trailmark.exploration.result import Status
-from trailmark.exploration.strategies import choice_of
+from trailmark.exploration.strategies import Strategy, choice_of
 from trailmark.exploration.survey import Memory, Survey, survey
 from trailmark.exploration.way_back import BACK, way_back, way_back_to
 from trailmark.path import Path
@@ -28,9 +27,57 @@ from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.se2 import FloatArray
-from trailmark.world import Robot
+from trailmark.world import Robot, World
 
-__all__ = ["Course"]
+__all__ = ["Course", "Divided", "divided", "planner_in"]
+
+
+class Divided(NamedTuple):
+    """A map, its cells divided, and what goes with it."""
+
+    known: KnownMap
+    planner: LandmarkPlanner
+    memory: Memory
+
+
+def planner_in(known: KnownMap, name: str, robot: Robot, seed: int, clearance: float) -> LandmarkPlanner:
+    """Return a planner in a map as it is.
+
+    Args:
+        known: the map.
+        name: of the planner's world.
+        robot: that it plans for.
+        seed: of what is drawn.
+        clearance: metres that paths keep.
+    """
+    world = known.follow(World(name, known.bounds, robot=robot))
+    return LandmarkPlanner(world, robot, seed=seed, clearance=clearance)
+
+
+def divided(
+    draw: Draw,
+    stopped: Callable[[], bool],
+    planner: LandmarkPlanner,
+    robot: Robot,
+    memory: Memory,
+    state: NDArray[np.uint8],
+) -> Divided:
+    """Draw a map of smaller cells, and what goes with it; in any thread, as long as the robot stands.
+
+    Args:
+        draw: draws it.
+        stopped: asked between scans whether to end early, with part of a map.
+        planner: in the map before.
+        robot: that it plans for, without the clearance that it keeps.
+        memory: of the exploration.
+        state: of the cells before, UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+    """
+    known = draw(stopped)
+    finer = planner_in(known, planner.world.name, robot, planner.seed, planner.robot.clearance)
+    remembered = memory.divided(state, known)
+    remembered.find_levels(known, finer.robot)
+    return Divided(known, finer, remembered)
+
 
 SEEN = 0.95
 """Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
@@ -203,7 +250,6 @@ class Course:
                 here,
                 home,
                 self._range,
-                s,
                 self._rng,
                 self._memory,
                 self._mapper.trajectory[:, 1:] if self._sees_around else None,

@@ -12,19 +12,18 @@ from trailmark.arguments import callback, each_of, one_of, whole
 from trailmark.errors import ConfigurationError, as_raised
 from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.background import postponed_interrupts
 from trailmark.exploration.cells import quarters
 from trailmark.exploration.course import Course
 from trailmark.exploration.exploration_folder import SavedExploration
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
-from trailmark.exploration.interruption import postponed_interrupts
 from trailmark.exploration.mapper import Intake, Mapper
 from trailmark.exploration.mappers import check_visible, mapper_for, sensor_of
-from trailmark.exploration.outlook import Strategy
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult, Status
 from trailmark.exploration.robots import DriveReport, ExploringRobot
 from trailmark.exploration.simulated_robot import SimulatedRobot
-from trailmark.exploration.strategies import strategy_of
+from trailmark.exploration.strategies import Strategy, strategy_of
 from trailmark.exploration.visible_area import evaluate
 from trailmark.planning import LandmarkPlanner
 from trailmark.se2 import FloatArray, configurations, difference
@@ -32,6 +31,9 @@ from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
 __all__ = ["Explorer"]
+
+SILENCE = 5.0
+"""Seconds of the robot's clock without a reading after which the sensor is silent."""
 
 MAX_BLOCKED = 5
 """Commands in a row that a robot does not carry out because something is in its way, before it is stuck."""
@@ -266,7 +268,7 @@ class Explorer:
             self._time = max(self._time, *times)
         if intake.readings:
             self._last_reading = self._time
-        elif self._time - self._last_reading >= s.silence:
+        elif self._time - self._last_reading >= SILENCE:
             heard = any(isinstance(record, Scan | Detection) for record in records)
             what = "its readings cannot be used" if heard else "no reading"
             self._ended = "silent", f"{what} for {self._time - self._last_reading:.1f} s"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
@@ -11,9 +12,9 @@ from trailmark.estimation.scans.clouds import relative
 from trailmark.exploration.known_map import FREE, KnownMap
 from trailmark.path import Path
 from trailmark.robot import Robot
-from trailmark.se2 import FloatArray, difference, interpolate, motion_bound, wrap
+from trailmark.se2 import FloatArray, difference, interpolate, motion_bound, transform, wrap
 
-__all__ = ["PathFollower", "turned_around"]
+__all__ = ["PathFollower", "contact_points", "turned_around"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -157,3 +158,26 @@ def grown(mask: BoolArray, radius: float, cell: float) -> BoolArray:
     found = np.zeros_like(mask)
     found[part] = distance_transform_edt(~mask[part], sampling=cell) <= radius + cell
     return found
+
+
+AHEAD = 4
+"""Half cells of the way on: what the robot ran into is taken to fill all that it would have swept there."""
+
+BESIDE = 0.1
+"""Cells beside the robot as it stands: what does not lead farther has not run into anything."""
+
+
+def contact_points(robot: Robot, states: FloatArray, cell: float) -> FloatArray:
+    """Return points that the robot's outline would have come to, x, y, shape (m, 2), none of them where it stands.
+
+    Args:
+        robot: that stands in contact.
+        states: where it stands, and how its path would have gone on, shape (n, 3).
+        cell: side of the map's cells, metres.
+    """
+    outline = robot.outline
+    rim = shapely.get_coordinates(shapely.segmentize(outline.shapely().exterior, 0.5 * cell))
+    ahead = Path(states).resample(0.5 * cell).states[1 : 1 + AHEAD]
+    swept = np.asarray(transform(ahead, rim)).reshape(-1, 2)
+    body = shapely.Polygon(transform(states[0], outline.vertices)).buffer(BESIDE * cell)
+    return np.asarray(swept[~shapely.contains_xy(body, swept)])

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from trailmark.estimation.filter.covariance import is_covariance
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.slam.association import repeats
 
@@ -103,14 +104,14 @@ class RecordChecks:
         far = float(z[0]) if detection.kind == "range-bearing" else math.hypot(*z.tolist())
         if not 0.0 <= far <= 2.0 * self._range:
             return f"expected a range from 0 to the sensor's {self._range:g} m, got {far:g} m"
-        if not _is_covariance(detection.covariance, 2):
+        if detection.covariance is not None and not is_covariance(detection.covariance, 2):
             return "expected a covariance of shape (2, 2), symmetric and not negative, got another"
         if any(other.t == detection.t and repeats(other, detection) for other in self._instant):
             return "expected a new one, got it again"
         return ""
 
     def _problem_of_increment(self, increment: Increment) -> str:
-        if not _is_covariance(increment.covariance, 3):
+        if increment.covariance is not None and not is_covariance(increment.covariance, 3):
             return "expected a covariance of shape (3, 3), symmetric and not negative, got another"
         last = self._increment
         if last is not None and increment[:4] == last[:4]:
@@ -128,14 +129,3 @@ class RecordChecks:
                 f"{abs(turn):g} rad"
             )
         return ""
-
-
-def _is_covariance(matrix: object, size: int) -> bool:
-    """Return whether a covariance is one, or left out."""
-    if matrix is None:
-        return True
-    values = np.asarray(matrix, dtype=np.float64)
-    if values.shape != (size, size) or not np.isfinite(values).all() or not np.allclose(values, values.T):
-        return False
-    spread = np.linalg.eigvalsh(values)
-    return bool(spread[0] >= -1e-9 * abs(spread[-1]))

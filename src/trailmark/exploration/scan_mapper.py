@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
@@ -24,18 +26,109 @@ from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import Draw, Intake
 from trailmark.exploration.record_checks import CARRIED, RecordChecks
-from trailmark.exploration.scan_drawing import DENSE, apart, draw
-from trailmark.exploration.scan_matching import GAP, graph_settings
 from trailmark.se2 import FloatArray, compose, difference
 from trailmark.world import Robot, World
 
-__all__ = ["ScanMapper"]
+__all__ = ["DENSE", "ScanMapper", "apart", "draw", "graph_settings"]
+
+
+SPACING: Final = 0.25, 0.3
+"""Metres and radians between scans by which a map is drawn anew, or from the log: in between little else is seen."""
+
+DENSE: Final = 0.25
+"""Times SPACING, where cells are divided: of smaller ones each scan shows fewer."""
+
+RECENT: Final = 10
+"""Scans that are drawn in any case: what has vanished since is gone."""
+
+
+def apart(poses: FloatArray, spacing: float = 1.0) -> NDArray[np.bool_]:
+    """Return which scans lie so many times SPACING apart from the ones before, and the last ones, shape (m,).
+
+    Args:
+        poses: of the scans, shape (m, 3).
+        spacing: times SPACING.
+    """
+    chosen, last = np.zeros(len(poses), np.bool_), 0
+    for i, pose in enumerate(poses):
+        off = np.abs(difference(poses[last], pose))
+        if i == 0 or np.hypot(off[0], off[1]) > spacing * SPACING[0] or off[2] > spacing * SPACING[1]:
+            chosen[i], last = True, i
+    chosen[-RECENT:] = True
+    return chosen
+
+
+def draw(
+    known: KnownMap,
+    scans: Sequence[Scan],
+    poses: FloatArray,
+    max_range: float,
+    spacing: float = 1.0,
+    stopped: Callable[[], bool] = bool,
+) -> KnownMap:
+    """Enter the scans that lie apart in a map, and return it.
+
+    Args:
+        known: the map, in which nothing is known.
+        scans: in the order of time.
+        poses: of the robot when they were taken, shape (m, 3).
+        max_range: metres; what was met farther away shows free space up to there.
+        spacing: times SPACING.
+        stopped: asked between scans whether to end early.
+    """
+    for i in np.flatnonzero(apart(poses, spacing)).tolist():
+        if stopped():
+            break
+        known.add_scan(scans[i], poses[i], max_range)
+    return known
+
+
+SLIPPING: Final = 1.5
+"""Times the standard deviation of a step that odometry states, for matching: what it does not know of."""
+
+LEAST: Final = 0.01
+"""Metres by which end points scatter at least about a map made of cells."""
+
+FAR: Final = 10.0
+"""Metres: for sensors of a longer range, the lengths of scan matching grow in proportion, as the robot's speed does."""
+
+SHORTEST: Final = 0.1
+"""Share of the distance between nodes that counts as driven at least: before, hardly anything has been stated."""
+
+
+def graph_settings(sensor: Scanner, errors: FloatArray, driven: float, exact: bool) -> GraphSettings:
+    """Return how scans are matched.
+
+    Args:
+        sensor: its range and noise.
+        errors: variances of place (m²) and heading (rad²) that odometry has stated so far, shape (2,).
+        driven: metres, and radians of turns, over which it has stated them.
+        exact: whether these are to count for nothing, since scans say otherwise.
+    """
+    s, far = GraphSettings(), max(1.0, sensor.max_range / FAR)
+    s = replace(
+        s,
+        scale=far,
+        max_range=min(far * s.max_range, sensor.max_range),
+        scatter=max(sensor.sigma, LEAST),
+    )
+    if exact:
+        return s
+    # Of a step from node to node, with something for wheels that slip.
+    place, heading = SLIPPING * np.sqrt(errors / max(driven, SHORTEST * s.key_distance) * s.key_distance)
+    floor = min(float(place), far * s.odometry_floor[0]), min(float(heading), s.odometry_floor[1])
+    grown = min(floor[0] / s.key_distance, s.odometry[0]), min(floor[1] / s.key_distance, s.odometry[1])
+    return replace(s, odometry=grown, odometry_floor=floor)
+
 
 TRUSTED: Final = 0.002, 0.001
 """Metres and radians: odometry that states a smaller error over ten metres is taken as exact; no match is as good."""
 
 STRANGE: Final = 3
 """Scans in a row that do not fit the map, after which the robot is lost."""
+
+GAP: Final = 0.1
+"""Metres between end points of one surface from which on they would count as shapes of their own."""
 
 CHECK: Final = 10
 """Scans after which odometry that is taken as exact is checked again, by those of one and two such times ago."""

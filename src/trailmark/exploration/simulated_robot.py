@@ -17,9 +17,8 @@ from trailmark.errors import ConfigurationError
 from trailmark.estimation.filter.motion import PoseIncrement
 from trailmark.estimation.filter.sensors import RangeBearing
 from trailmark.estimation.logs.records import Detection, Increment, Record
-from trailmark.estimation.simulation.driving import Drive
-from trailmark.estimation.simulation.raycast import RayCaster
-from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.estimation.simulation.simulator import Drive
+from trailmark.estimation.simulation.virtual_sensors import Detector, RayCaster, Scanner
 from trailmark.exploration.robots import DriveReport
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, compose, configurations, interpolate, wrap

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from trailmark.exploration.candidates import MOST_TRIES, Search, middles_of
 from trailmark.exploration.cells import quarters
 from trailmark.exploration.certainty import expected_falls
-from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.reachability import CERTAIN, Reach
 from trailmark.exploration.result import Status
+from trailmark.exploration.strategies import Outlook
 from trailmark.exploration.travel import Travel
 from trailmark.exploration.views import expected_areas, nearest_looks
 from trailmark.planning.planner import LandmarkPlanner
@@ -161,7 +160,6 @@ def survey(
     pose: FloatArray,
     home: FloatArray | None,
     sensor_range: float,
-    settings: ExplorationSettings,
     rng: np.random.Generator,
     memory: Memory,
     sensed: FloatArray | None = None,
@@ -177,7 +175,6 @@ def survey(
         pose: where it is, shape (3,).
         home: where the exploration has to end, shape (3,), or None.
         sensor_range: metres.
-        settings: of the exploration.
         rng: draws the places that are clustered.
         memory: of the exploration.
         sensed: where the sensor was read so far, as is known now, in the order of time, shape (n, 3); None: here alone.
@@ -185,7 +182,7 @@ def survey(
         visited: where the robot was, the last where it is: x, y and their standard deviation, metres, shape (m, 3).
     """
     state, cell = known.state, known.cell
-    frontiers = frontiers_of(state, _large_enough(state, settings.min_area / cell**2), 0.5 * sensor_range / cell)
+    frontiers = frontiers_of(state, state == UNKNOWN, 0.5 * sensor_range / cell)
     _note_looked(memory, known, frontiers, np.asarray(pose) if looked_around else None, sensed, sensor_range)
     looked = memory.looked[frontiers.unknown[:, 0], frontiers.unknown[:, 1]]
     small = (np.bincount(frontiers.group, minlength=frontiers.groups) <= SMALL)[frontiers.group]
@@ -275,19 +272,6 @@ def _groups_seen(sees: NDArray[np.bool_], frontiers: Frontiers) -> NDArray[np.bo
         counts[i] = np.bincount(frontiers.group[row], minlength=frontiers.groups)
     sizes = np.bincount(frontiers.group, minlength=frontiers.groups)
     return np.asarray((counts > 0) & (counts >= np.minimum(MOSTLY * sizes, counts.max(axis=0, initial=0))))
-
-
-def _large_enough(state: NDArray[np.uint8], least: float) -> NDArray[np.bool_]:
-    """Return the unknown cells of regions of as many cells at least."""
-    unknown = state == UNKNOWN
-    if least <= 1.0:
-        return np.asarray(unknown, dtype=np.bool_)
-    from scipy import ndimage
-
-    labels = ndimage.label(unknown)[0]
-    large: NDArray[np.bool_] = np.bincount(labels.ravel()) >= least
-    large[0] = False
-    return np.asarray(np.take(large, labels))
 
 
 def _note_looked(

@@ -1,4 +1,4 @@
-# ruff: noqa: E741, N802, N803, N806 # the filter's own symbols
+# ruff: noqa: E741, N806 # the filter's own symbols
 """The SLAM filter against a dense textbook EKF, filterpy's own update, and what each mode promises."""
 
 from __future__ import annotations
@@ -7,16 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from filterpy.kalman import ExtendedKalmanFilter
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 from tests.support.trials import few
 
 from trailmark.estimation import (
-    Cartesian,
     EstimationError,
-    LinePolar,
     PoseIncrement,
     RangeBearing,
     SlamFilter,
@@ -35,99 +30,8 @@ def wrapped(angle: float) -> float:
     return float(np.angle(np.exp(1j * angle)))
 
 
-class Dense:
-    """EKF-SLAM as the books have it: every matrix in full, range and bearing of points, turns that are not 0."""
-
-    def __init__(self, pose: FloatArray, P: FloatArray) -> None:
-        self.x, self.P = pose.copy(), P.copy()
-
-    def predict(self, v: float, omega: float, dt: float) -> None:
-        n, (x, y, theta) = len(self.x), self.x[:3]
-        end, r = theta + omega * dt, v / omega
-        F, W = np.eye(n), np.zeros((n, 2))
-        F[0, 2], F[1, 2] = r * (np.cos(end) - np.cos(theta)), r * (np.sin(end) - np.sin(theta))
-        W[0, 0], W[1, 0] = (np.sin(end) - np.sin(theta)) / omega, (np.cos(theta) - np.cos(end)) / omega
-        W[0, 1] = -r * W[0, 0] + r * dt * np.cos(end)
-        W[1, 1] = -r * W[1, 0] + r * dt * np.sin(end)
-        W[2, 1] = dt
-        self.x[:3] = x + v * W[0, 0], y + v * W[1, 0], wrapped(end)
-        self.P = F @ self.P @ F.T + W @ Q @ W.T
-
-    def h(self, i: int) -> tuple[FloatArray, FloatArray]:
-        at, n = 3 + 2 * i, len(self.x)
-        dx, dy = self.x[at] - self.x[0], self.x[at + 1] - self.x[1]
-        q = dx * dx + dy * dy
-        r = np.sqrt(q)
-        H = np.zeros((2, n))
-        H[:, [0, 1, 2, at, at + 1]] = [
-            [-dx / r, -dy / r, 0.0, dx / r, dy / r],
-            [dy / q, -dx / q, -1.0, -dy / q, dx / q],
-        ]
-        return np.array([r, wrapped(np.arctan2(dy, dx) - self.x[2])]), H
-
-    def update(self, z: FloatArray, features: list[int]) -> float:
-        z_hat, H = zip(*(self.h(i) for i in features), strict=True)
-        H_all, y = np.concatenate(H), (z - np.array(z_hat)).reshape(-1)
-        y[1::2] = [wrapped(a) for a in y[1::2]]
-        S = H_all @ self.P @ H_all.T + np.kron(np.eye(len(features)), R)
-        K = self.P @ H_all.T @ np.linalg.inv(S)
-        self.x = self.x + K @ y
-        self.x[2] = wrapped(self.x[2])
-        self.P = (np.eye(len(self.x)) - K @ H_all) @ self.P
-        return float(y @ np.linalg.inv(S) @ y)
-
-    def add(self, z: FloatArray) -> None:
-        n, a = len(self.x), self.x[2] + z[1]
-        J, G = np.zeros((n + 2, n)), np.zeros((n + 2, 2))
-        J[:n] = np.eye(n)
-        J[n:, :3] = [[1.0, 0.0, -z[0] * np.sin(a)], [0.0, 1.0, z[0] * np.cos(a)]]
-        G[n:] = [[np.cos(a), -z[0] * np.sin(a)], [np.sin(a), z[0] * np.cos(a)]]
-        self.x = np.concatenate([self.x, self.x[:2] + z[0] * np.array([np.cos(a), np.sin(a)])])
-        self.P = J @ self.P @ J.T + G @ R @ G.T
-
-    def remove(self, i: int) -> None:
-        keep = [j for j in range(len(self.x)) if j not in (3 + 2 * i, 4 + 2 * i)]
-        self.x, self.P = self.x[keep], self.P[np.ix_(keep, keep)]
-
-
 def reading(ekf: SlamFilter, feature: int, rng: np.random.Generator) -> FloatArray:
     return np.asarray(SENSOR.sample(ekf.pose, ekf.feature(feature), rng))
-
-
-@pytest.mark.slow
-@settings(max_examples=few(20, of=2))
-@given(seed=st.integers(0, 99999), steps=st.integers(1, 60))
-def test_equal_to_the_dense_filter(seed: int, steps: int) -> None:
-    rng = np.random.default_rng(seed)
-    start, P = rng.uniform(-2.0, 2.0, 3), np.diag(rng.uniform(0.001, 0.1, 3))
-    ekf, dense = SlamFilter(start, P, error="additive"), Dense(start, P)
-    for _ in range(steps):
-        ids = list(ekf.features)
-        what = rng.choice(["predict", "update", "batch", "add", "remove"], p=[0.3, 0.25, 0.15, 0.25, 0.05])
-        if what == "predict":
-            u = np.array([rng.uniform(-1, 1), rng.choice([-1, 1]) * rng.uniform(0.1, 1), rng.uniform(0.1, 1)])
-            ekf.predict(MOTION, u)
-            dense.predict(*u)
-        elif what == "add" or not ids:
-            z = np.array([rng.uniform(1.0, 10.0), rng.uniform(-np.pi, np.pi)])
-            ekf.add_feature(z, SENSOR)
-            dense.add(z)
-        elif what == "remove":
-            i = int(rng.integers(len(ids)))
-            ekf.remove_feature(ids[i])
-            dense.remove(i)
-        else:
-            some = rng.permutation(len(ids))[: 1 if what == "update" else 4].tolist()
-            z_all = np.array([reading(ekf, ids[i], rng) for i in some])
-            if what == "update":
-                innovation = ekf.update(z_all[0], SENSOR, ids[some[0]])
-            else:
-                innovation = ekf.update_batch(z_all, SENSOR, [ids[i] for i in some])
-            assert innovation.nis == pytest.approx(dense.update(z_all, some), abs=1e-9)
-            assert innovation.dof == 2 * len(some)
-        assert np.abs(ekf.x - dense.x).max() < 1e-9
-        assert np.abs(ekf.P - dense.P).max() < 1e-9
-        assert np.array_equal(ekf.P, ekf.P.T)
 
 
 def wander(ekf: SlamFilter, updates: int, rng: np.random.Generator) -> None:
@@ -163,31 +67,6 @@ def test_covariance_stays_positive_with_a_prior_much_wider_than_the_readings() -
     assert np.array_equal(ekf.P, ekf.P.T)
 
 
-def test_equal_to_filterpy_s_own_update() -> None:
-    rng = np.random.default_rng(3)
-    ekf = SlamFilter(error="additive")
-    wander(ekf, 50, rng)
-    i = list(ekf.features)[7]
-    place = ekf.features[i]
-    z = reading(ekf, i, rng)
-    dense = ExtendedKalmanFilter(dim_x=len(ekf.x), dim_z=2)
-    dense.x, dense.P = ekf.x.copy(), ekf.P.copy()
-
-    def H(x: FloatArray) -> FloatArray:
-        full = np.zeros((2, len(x)))
-        full[:, :3], full[:, place] = SENSOR.H_pose(x[:3], x[place]), SENSOR.H_feature(x[:3], x[place])
-        return full
-
-    dense.update(z, H, lambda x: SENSOR.h(x[:3], x[place]), R=R, residual=SENSOR.residual)
-    ekf.update(z, SENSOR, i)
-    assert np.abs(ekf.x - dense.x).max() < 1e-12
-    assert np.abs(ekf.P - dense.P).max() < 1e-12
-    assert np.allclose(ekf.K, dense.K, atol=1e-12)
-    assert np.allclose(ekf.S, dense.S, atol=1e-12)
-    assert ekf.mahalanobis == pytest.approx(dense.mahalanobis)
-    assert ekf.log_likelihood == pytest.approx(dense.log_likelihood)
-
-
 @pytest.mark.slow
 def test_predictions_of_readings() -> None:
     rng = np.random.default_rng(4)
@@ -209,14 +88,6 @@ def test_predictions_of_readings() -> None:
     assert np.array_equal(joint.reshape(40, 40).round(12), joint.reshape(40, 40).T.round(12))
 
 
-def test_no_features_no_predictions() -> None:
-    prediction = SlamFilter().predict_readings(SENSOR)
-    assert prediction.z_hat.shape == (0, 2)
-    assert prediction.S.shape == (0, 2, 2)
-    assert SlamFilter().joint_covariance(prediction).shape == (0, 2, 0, 2)
-    assert SlamFilter().update_batch(np.zeros((0, 2)), SENSOR, []).dof == 0
-
-
 def test_a_stated_covariance_counts_instead_of_the_sensor_s() -> None:
     stated = np.array([[0.04, 0.001], [0.001, 0.002]])
     for P in (np.zeros((3, 3)), np.diag([0.1, 0.1, 0.01])):
@@ -233,50 +104,6 @@ def test_a_stated_covariance_counts_instead_of_the_sensor_s() -> None:
         ekf.predict(PoseIncrement(1.0, 1.0, 1.0), [1.0, 0.0, 0.0], np.diag([0.01, 0.02, 0.03]))
         F = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
         assert np.allclose(ekf.pose_covariance, F @ P @ F.T + np.diag([0.01, 0.02, 0.03]))
-
-
-@pytest.mark.slow
-def test_localisation_leaves_the_map_alone_and_counts_its_errors() -> None:
-    rng = np.random.default_rng(5)
-    truth = rng.uniform(-5.0, 5.0, (12, 2))
-    maps = {"certain": np.zeros((2, 2)), "loose": 0.3**2 * np.eye(2)}
-    spread = {}
-    for name, P in maps.items():
-        ekf = SlamFilter((0, 0, 0), 0.1 * np.eye(3), mode="localisation")
-        ids = [ekf.add_known_feature(l, P) for l in truth]
-        before = ekf.x[3:].copy(), ekf.P[3:, 3:].copy()
-        for _ in range(300):
-            i = int(rng.integers(12))
-            ekf.predict(MOTION, [0.1, 0.3, 0.1])
-            ekf.update(SENSOR.sample(ekf.pose, truth[i], rng), SENSOR, ids[i])
-            assert np.array_equal(ekf.P, ekf.P.T)
-        assert np.array_equal(ekf.x[3:], before[0])
-        assert np.array_equal(ekf.P[3:, 3:], before[1])
-        assert np.linalg.eigvalsh(ekf.P).min() > -1e-12
-        spread[name] = np.sqrt(np.trace(ekf.pose_covariance[:2, :2]))
-    # No number of readings makes the pose better known than the map, which is off by one error for all of them.
-    assert spread["certain"] < 0.04
-    assert spread["loose"] > 0.3 / np.sqrt(12) * 0.7
-
-
-@pytest.mark.slow
-def test_considered_errors_are_the_true_ones() -> None:
-    # Localisation with a loose map over many worlds: the stated covariance is that of the errors.
-    rng = np.random.default_rng(0)
-    errors = []
-    for _ in range(few(150, of=2)):
-        truth = np.array([[4.0, 0.0], [0.0, 4.0], [-4.0, -1.0], [3.0, -3.0]])
-        ekf = SlamFilter((0, 0, 0), 0.01 * np.eye(3), mode="localisation")
-        ids = [ekf.add_known_feature(l + rng.normal(0, 0.1, 2), 0.01 * np.eye(2)) for l in truth]
-        pose = np.array([0.0, 0.0, 0.0]) + rng.normal(0, 0.1, 3)
-        for k in range(4):
-            ekf.update(SENSOR.sample(pose, truth[k], rng), SENSOR, ids[k])
-        for _ in range(4):
-            ekf.update_batch(SENSOR.sample(pose, truth, rng), SENSOR, ids)
-        e = ekf.pose - pose
-        errors.append(e @ np.linalg.solve(ekf.pose_covariance, e))
-    # Mean 3, standard deviation of the mean of 75: 0.28; some more for the linearisation.
-    assert 2.2 < np.mean(errors) < 4.0
 
 
 @pytest.mark.slow
@@ -331,32 +158,6 @@ def test_mapping_from_uncertain_poses_counts_their_errors() -> None:
     assert 3.3 < np.mean(nees) < 4.9
 
 
-@pytest.mark.slow
-def test_walls_and_points_in_one_state() -> None:
-    # A robot drives along a wall that it reads from both sides of the line's foot point, and sees a point as well.
-    rng = np.random.default_rng(8)
-    walls, points = LinePolar(0.02, 0.01), Cartesian(0.05, 0.05)
-    wall, point = np.array([0.05, np.pi / 2]), np.array([3.0, 2.0])
-    pose, ekf = np.array([0.0, -1.0, 0.0]), SlamFilter((0.0, -1.0, 0.0))
-    w, p = (
-        ekf.add_feature(walls.sample(pose, wall, rng), walls),
-        ekf.add_feature(points.sample(pose, point, rng), points),
-    )
-    assert (ekf.kind(w), ekf.kind(p)) == ("line", "point")
-    for _ in range(300):
-        u = np.array([0.1, 0.0 if abs(pose[1]) > 1.5 else 0.4, 0.2])
-        pose = MOTION.sample(pose, u, rng)
-        ekf.predict(MOTION, u)
-        ekf.update(walls.sample(pose, wall, rng), walls, w)
-        ekf.update(points.sample(pose, point, rng), points, p)
-    assert ekf.predict_readings(walls).ids == (w,)
-    assert ekf.predict_readings(points).ids == (p,)
-    e = np.concatenate([ekf.pose - pose, ekf.feature(w) - wall, ekf.feature(p) - point])
-    e[[2, 4]] = [wrapped(e[2]), wrapped(e[4])]
-    assert np.abs(e).max() < 0.15
-    assert e @ np.linalg.solve(ekf.P, e) < 24.0  # 99.9 % of chi-square with 7 degrees of freedom
-
-
 def test_ids_stay_when_others_go() -> None:
     ekf = SlamFilter()
     ids = [ekf.add_known_feature([float(k), 0.0], k * np.eye(2)) for k in range(4)]
@@ -366,17 +167,6 @@ def test_ids_stay_when_others_go() -> None:
     assert ekf.feature_covariance(ids[3])[1, 1] == 3.0
     assert ekf.dim_x == len(ekf.x) == 9
     assert ekf.add_known_feature([9.0, 9.0]) not in ids
-
-
-def test_what_is_handed_out_is_a_copy() -> None:
-    ekf = SlamFilter((0, 0, 0), np.eye(3))
-    i = ekf.add_known_feature([1.0, 2.0], np.eye(2))
-    for array in (ekf.pose, ekf.pose_covariance, ekf.feature(i), ekf.feature_covariance(i)):
-        array[...] = 99.0
-    assert 99.0 not in ekf.x
-    assert 99.0 not in ekf.P
-    with pytest.raises(TypeError):
-        ekf.features[5] = slice(0, 2)  # type: ignore[index]  # the mapping is read-only
 
 
 def slam() -> SlamFilter:
@@ -399,7 +189,6 @@ def slam() -> SlamFilter:
         (lambda: slam().remove_feature(7), "feature: expected the id of one of the 1 features, got 7"),
         (lambda: slam().update([np.nan, 0.0], SENSOR, 0), "finite"),
         (lambda: slam().update([1.0, 0.0, 0.0], SENSOR, 0), "1 times 2 finite numbers"),
-        (lambda: slam().update([1.0, 0.0], LinePolar(0.1, 0.1), 0), "another kind"),
         (lambda: slam().update([1.0, 0.0], SENSOR, 0, -9 * np.eye(2)), "positive semidefinite"),
         (
             lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]),
@@ -414,7 +203,6 @@ def slam() -> SlamFilter:
             lambda: SlamFilter(mode="mapping").predict(MOTION, [1, 0, 1]),
             "expected set_pose",
         ),
-        (lambda: SlamFilter(mode="localisation").add_feature([1, 0], SENSOR), "expected add_known_feature"),
     ],
 )
 def test_misuse(call: Callable[[], object], message: str) -> None:

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +10,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from tests.estimation.numerical import jacobian, turned
 
-from trailmark.estimation import EstimationError
 from trailmark.estimation.filter.motion import MotionModel, PoseIncrement, Unicycle
 
 FloatArray = NDArray[np.float64]
@@ -100,42 +97,6 @@ def test_increment_is_the_product_of_rigid_motions(x: FloatArray, u: FloatArray)
     assert np.allclose(matrix(INCREMENT.f(x, u)), matrix(x) @ matrix(u), atol=1e-12)
 
 
-@pytest.mark.parametrize(("model", "q"), [(UNICYCLE, 2), (INCREMENT, 3)])
-def test_batches_are_row_by_row(model: MotionModel, q: int) -> None:
-    rng = np.random.default_rng(1)
-    x, u, w = rng.normal(size=(4, 5, 3)), rng.normal(size=(5, 3)), rng.normal(size=(4, 5, q))
-    cases: list[tuple[FloatArray, Callable[[int, int], FloatArray]]] = [
-        (model.f(x, u, w), lambda i, j: model.f(x[i, j], u[j], w[i, j])),
-        (model.F(x, u), lambda i, j: model.F(x[i, j], u[j])),
-        (model.W(x, u), lambda i, j: model.W(x[i, j], u[j])),
-    ]
-    for whole, row in cases:
-        assert all(np.allclose(whole[i, j], row(i, j), atol=1e-15) for i in range(4) for j in range(5))
-    assert model.f(x, u[0]).shape == (4, 5, 3)
-    assert model.f(x[0, 0], u).shape == (5, 3)
-
-
-@pytest.mark.slow
-@given(poses, velocities)
-def test_headings_stay_in_their_range(x: FloatArray, u: FloatArray) -> None:
-    for end in (UNICYCLE.f(x, u), INCREMENT.f(x, u)):
-        assert -np.pi < end[2] <= np.pi
-
-
-def test_noise_of_the_velocities() -> None:
-    u = np.array([2.0, -3.0, 0.5])
-    variances = [0.1**2 + 0.01 * 4 + 0.02 * 9, 0.05**2 + 0.03 * 4 + 0.04 * 9]
-    assert np.allclose(UNICYCLE.Q(u), np.diag(variances))
-    timed = Unicycle(0.1, 0.05, (0.01, 0.02, 0.03, 0.04), period=0.2)
-    assert np.allclose(timed.Q(u), np.diag(variances) * 0.4)
-    assert np.array_equal(timed.Q(np.array([2.0, -3.0, 0.0])), np.zeros((2, 2)))
-
-
-def test_noise_of_increments() -> None:
-    Q = INCREMENT.Q(np.array([3.0, -4.0, -0.5]))
-    assert np.allclose(Q, np.diag([0.01 + 0.05, 0.04 + 0.05, 0.0025 + 0.1 + 0.015]))
-
-
 @pytest.mark.slow
 @given(poses, velocities, st.integers(2, 7))
 def test_with_a_period_an_interval_adds_the_same_however_it_is_cut(x: FloatArray, u: FloatArray, parts: int) -> None:
@@ -146,33 +107,3 @@ def test_with_a_period_an_interval_adds_the_same_however_it_is_cut(x: FloatArray
     added = model.W(x, whole) @ model.Q(whole) @ model.W(x, whole).T
     cut = parts * (model.W(x, part) @ model.Q(part) @ model.W(x, part).T)
     assert np.allclose(added, cut, rtol=1e-9, atol=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("model", "u"), [(UNICYCLE, [0.3, 0.2, 0.1]), (PoseIncrement(0.01, 0.02, 0.03), [0.3, 0.1, -0.2])]
-)
-def test_samples_have_the_stated_covariance(model: MotionModel, u: list[float]) -> None:
-    x = np.array([1.0, 2.0, 3.0])
-    drawn = model.sample(np.broadcast_to(x, (20000, 3)), u, np.random.default_rng(1))
-    delta = drawn - model.f(x, u)
-    delta[:, 2] = np.angle(np.exp(1j * delta[:, 2]))
-    W = model.W(x, u)
-    expected = W @ model.Q(u) @ W.T
-    assert np.allclose(delta.mean(axis=0), 0.0, atol=4e-3 * np.sqrt(np.diag(expected).max()) * 10)
-    assert np.allclose(delta.T @ delta / 20000, expected, atol=0.05 * np.diag(expected).max())
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Unicycle(-0.1, 0.1), "Unicycle: sigma_v: expected a finite number of 0 or more, got -0.1"),
-        (lambda: Unicycle(0.1, np.nan), "sigma_omega: expected .*, got nan"),
-        (lambda: Unicycle(0.1, 0.1, (0.0, 0.0)), "alpha"),  # type: ignore[arg-type]  # wrong on purpose
-        (lambda: Unicycle(0.1, 0.1, period=0.0), "period: expected a finite number above 0 or None, got 0.0"),
-        (lambda: PoseIncrement(0.1, -1.0, 0.1), "sigma_y: expected .*, got -1.0"),
-        (lambda: PoseIncrement(0.1, 0.1, 0.1, (0.0, 0.0, np.inf)), "growth"),
-    ],
-)
-def test_bad_noise(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(EstimationError, match=message):
-        make()

@@ -15,10 +15,8 @@ from trailmark.estimation import Detector, RangeBearing, Unicycle, simulate
 from trailmark.estimation.filter.motion import PoseIncrement
 from trailmark.estimation.filter.sensors import Cartesian
 from trailmark.estimation.graph.batch import Batch
-from trailmark.estimation.graph.fit_settings import FitSettings
-from trailmark.estimation.graph.gauge import relative_covariance
-from trailmark.estimation.graph.odometry import OdometryTrack
-from trailmark.estimation.graph.readings import polar_readings
+from trailmark.estimation.graph.estimate import relative_covariance
+from trailmark.estimation.graph.odometry import OdometryTrack, polar_readings
 from trailmark.estimation.graph.residual_checks import inflation, misfit, scale
 from trailmark.estimation.logs.records import Detection, Log, Odometry, Pose, Record
 from trailmark.shapes import Disc
@@ -65,7 +63,7 @@ def case(records: list[Record], sensor: RangeBearing = SENSOR, motion: Unicycle 
     poses = np.column_stack(
         [np.interp(instants, truth[:, 0], column) for column in (truth[:, 1], truth[:, 2], unwrapped)]
     )
-    batch = Batch(track, readings, instants, variances, FitSettings())
+    batch = Batch(track, readings, instants, variances)
     return Case(batch, poses, feature, np.array([landmarks[i] for i in order]))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trailmark.estimation.graph.noise import correlation_time, updated_variances
+from trailmark.estimation.graph.batch import correlation_time, updated_variances
 
 
 def test_two_sources_are_told_apart() -> None:
@@ -44,8 +44,3 @@ def test_errors_that_last(share: float) -> None:
         sequences.append(e)
     # Of an autoregression of the first order, τ = (1 + ρ) / (1 − ρ).
     assert correlation_time(sequences) == pytest.approx((1.0 + share) / (1.0 - share), rel=0.15)
-
-
-def test_nothing_to_go_by() -> None:
-    assert correlation_time([]) == 1.0
-    assert correlation_time([np.zeros(5)]) == 1.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
-from trailmark.estimation.graph.readings import SensorCalibration, polar_readings
+from trailmark.estimation.graph.odometry import SensorCalibration, polar_readings
 from trailmark.estimation.logs.records import Detection
 
 

@@ -19,7 +19,7 @@ from trailmark.estimation.graph.submaps import KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative
 from trailmark.estimation.simulation.virtual_sensors import Scanner
-from trailmark.exploration.scan_matching import graph_settings
+from trailmark.exploration.scan_mapper import graph_settings
 from trailmark.se2 import FloatArray, compose
 
 BLOCK = (
@@ -107,15 +107,6 @@ def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     assert sigma.max() < 0.2
 
 
-@pytest.mark.slow
-def test_scans_between_nodes_have_poses_too() -> None:
-    """A robot that stands or crawls makes no nodes."""
-    slow = [scan._replace(t=scan.t + 0.1 * k) for scan in scans()[:20] for k in range(4)]
-    found = match_scans(slow, np.repeat(odometry()[:20], 4, axis=0))
-    assert len(found.keys) <= 20
-    assert np.hypot(*(found.poses - np.repeat(truth()[:20], 4, axis=0))[:, :2].T).max() < 0.1
-
-
 def test_scans_that_show_nothing_leave_odometry() -> None:
     blind = [scan._replace(ranges=np.full_like(scan.ranges, scan.range_max)) for scan in scans()[:10]]
     found = match_scans(blind, odometry()[:10])
@@ -123,7 +114,7 @@ def test_scans_that_show_nothing_leave_odometry() -> None:
 
 
 @pytest.mark.slow
-def test_no_more_nodes_than_places() -> None:
+def test_no_more_nodes_than_places(monkeypatch: pytest.MonkeyPatch) -> None:
     """Twice around: the later round stands on the first one's nodes."""
     once = slice(0, len(truth()) - 16, 2)
     true, seen = np.vstack([truth()[once]] * 2), [scan._replace(t=float(i)) for i, scan in enumerate(scans()[once] * 2)]
@@ -132,7 +123,8 @@ def test_no_more_nodes_than_places() -> None:
     guess = [true[0]]
     for step in steps:
         guess.append(compose(guess[-1], step * [1.02, 1.0, 1.0] + [0.0, 0.0, math.radians(0.3)]))
-    found = match_scans(seen, np.array(guess), GraphSettings(max_nodes=one_round))
+    monkeypatch.setattr("trailmark.estimation.graph.scan_slam.MAX_NODES", one_round)
+    found = match_scans(seen, np.array(guess))
     assert len(found.keys) < 1.5 * one_round
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3
 
@@ -227,7 +219,7 @@ def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("apart", "settings"),
-    [(3.0, GraphSettings()), (0.8, GraphSettings(key_distance=3.2, local_length=80.0, loop_distance=64.0))],
+    [(3.0, GraphSettings()), (0.8, GraphSettings(scale=8.0))],
     ids=["scans far apart", "nodes far apart"],
 )
 def test_a_robot_that_drives_back_was_not_carried_there(apart: float, settings: GraphSettings) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from trailmark.estimation.graph.readings import Readings
+from trailmark.estimation.graph.odometry import Readings
 from trailmark.estimation.graph.smoother import Smoother
 from trailmark.se2 import compose, wrap
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark.errors import WorldError
 from trailmark.estimation.maps.evidence import EvidenceGrid
 
 coordinate = st.floats(-0.7, 4.7)
@@ -62,15 +59,3 @@ def test_what_was_there_and_is_gone_is_free() -> None:
     rows, columns = grid.cells(np.array([[2.05, 0.55], [-9.0, 99.0]]))
     assert rows.tolist() == [5, 9]
     assert columns.tolist() == [20, 0]
-
-
-def test_bounds_are_whole_cells() -> None:
-    grid = EvidenceGrid((-1.0, -2.0, 0.05, 1.0), 0.1)
-    assert grid.hits.shape == (30, 11)
-    assert grid.bounds == pytest.approx((-1.0, -2.0, 0.1, 1.0))
-
-
-@pytest.mark.parametrize(("bounds", "cell"), [((0, 0, 0, 1), 0.1), ((0, 0, 1, 1), 1e-5), ((0, 0, math.nan, 1), 0.1)])
-def test_grids_of_no_or_too_many_cells(bounds: tuple[float, float, float, float], cell: float) -> None:
-    with pytest.raises(WorldError, match="cells"):
-        EvidenceGrid(bounds, cell)

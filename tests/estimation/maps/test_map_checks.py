@@ -6,29 +6,16 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.map_checks import (
     association_doubts,
-    detection_warnings,
-    duration,
     gap_warnings,
     log_warnings,
-    places_text,
-    scan_warnings,
-    top_speed,
 )
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
-from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult, Update
-
-
-def test_durations_leave_out_what_no_clock_says() -> None:
-    assert duration(np.array([3.0, 4.5, 9.0])) == 6.0
-    assert duration(np.array([0.0, 4294967296.0, 4294967301.0])) == 5.0
-    assert duration(np.repeat([1.13486e9, 1.13487e9], 200)) is None
-    assert duration(np.empty(0)) == 0.0
+from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult
 
 
 def test_gaps_in_odometry_are_told() -> None:
@@ -47,42 +34,10 @@ def test_gaps_in_odometry_are_told() -> None:
     assert "velocity" not in two
 
 
-def test_warnings_say_what_is_wrong_and_what_to_try() -> None:
-    t = 0.5 * np.arange(100)
-    slow = np.column_stack([t, t, np.zeros((100, 2))])
-    assert top_speed(slow) == pytest.approx(1.0)
-    assert scan_warnings(slow) == []
-    fast = slow * [1.0, 40.0, 1.0, 1.0]
-    (speed,) = scan_warnings(fast)
-    assert "40 m/s" in speed
-
-
-def test_maps_of_detections_that_look_wrong() -> None:
-    line = np.column_stack([np.arange(30.0), np.linspace(0.0, 10.0, 30), np.zeros((30, 2))])
-    updates = tuple(Update(float(t), 2.0, 2, 0.0) for t in range(200))
-    counts = Counts(detections=100, used=100)
-    right = SlamResult(line, np.zeros((30, 3, 3)), (), updates, (), counts)
-    apart = disc_estimates([[0.0, 0.0], [0.2, 0.0]], [1e-4 * np.eye(2)] * 2, 0.05)
-    assert detection_warnings(right, apart, False, "slam") == []
-    loud = right._replace(updates=tuple(u._replace(nis=9.0) for u in updates))
-    (nis,) = detection_warnings(loud, apart, False, "slam")
-    assert "--fit-noise on" in nis
-    assert "larger" in nis
-    assert detection_warnings(loud, apart, True, "slam") == []
-    near = disc_estimates([[0.0, 0.0], [0.2, 0.0]], [1e-2 * np.eye(2)] * 2, 0.05)
-    (double,) = detection_warnings(right, near, False, "slam")
-    assert "1 of 2 features" in double
-    misread = right._replace(counts=replace(counts, outliers=9))
-    (share,) = detection_warnings(misread, apart, False, "slam")
-    assert "9%" in share
-    (fast,) = detection_warnings(right._replace(trajectory=line * [1.0, 99.0, 1.0, 1.0]), apart, False, "slam")
-    assert "m/s" in fast
-
-
 def unnamed(places: list[list[float]], read: NDArray[np.bool_]) -> SlamResult:
     """Read from the origin, whichever the rows say; a second an instant."""
     trajectory = np.column_stack([np.arange(float(len(read))), np.zeros((len(read), 3))])
-    features = tuple(MapFeature(i, None, "point", np.array(p), np.eye(2), 9) for i, p in enumerate(places))
+    features = tuple(MapFeature(i, None, np.array(p), np.eye(2), 9) for i, p in enumerate(places))
     assignments = []
     for t, i in np.argwhere(read).tolist():
         x, y = places[i]
@@ -114,12 +69,6 @@ def test_maps_without_identities_are_certified_only_where_nothing_speaks_against
     assert not any("before and after" in doubt for doubt in association_doubts(unnamed(places + far, cut), both, "log"))
     lost = result._replace(counts=replace(result.counts, used=460))
     assert association_doubts(lost, estimates, "slam") == ["8% of the readings are of no feature"]
-
-
-def test_places_are_named_with_their_times() -> None:
-    trajectory = np.column_stack([np.arange(9.0), np.arange(9.0), np.zeros((9, 2))])
-    assert places_text(trajectory, [3]) == "at 3.000 s near (3.0, 0.0)"
-    assert places_text(trajectory, range(7)).endswith("and 2 more")
 
 
 def test_a_log_of_two_clocks_and_scans_that_met_nothing() -> None:

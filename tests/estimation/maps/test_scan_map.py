@@ -8,7 +8,6 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -18,9 +17,8 @@ from tests.estimation.ray_casting import cast, end_points, room
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Pose, Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
-from trailmark.estimation.maps.obstacle_estimates import plain_box
 from trailmark.estimation.maps.scan_map import ScanMap, map_scans
-from trailmark.estimation.scans.scan_settings import ScanSettings
+from trailmark.estimation.scans.scan_features import ScanSettings
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
@@ -112,24 +110,6 @@ def test_walls_stand_where_they_are_within_what_they_are_known_by() -> None:
     assert met == set(faces)
 
 
-@pytest.mark.slow
-def test_poses_whose_errors_do_not_last_tell_more() -> None:
-    short = MappingSettings(scan=SETTINGS.scan, pose_sigma=SETTINGS.pose_sigma, pose_memory=1.0)
-    known = map_scans(scans(), settings=short)
-    assert known.walls == mapped().walls
-    pairs = zip(known.world.estimates, mapped().world.estimates, strict=True)
-    before, after = [], []
-    for one, other in pairs:
-        if one is not None and other is not None and isinstance(one.mean, Rectangle):
-            assert one.mean == other.mean
-            across = np.array([-math.sin(one.mean.heading), math.cos(one.mean.heading)])
-            after.append(float(across @ one.covariance[:2, :2] @ across))
-            before.append(float(across @ other.covariance[:2, :2] @ across))
-    assert (np.array(after) <= np.array(before)).all()
-    # A wall that is seen all along the way: ten metres, as many episodes.
-    assert min(np.array(after) / before) < 0.6
-
-
 def test_posts_are_discs() -> None:
     found = mapped()
     assert found.discs == 1
@@ -139,36 +119,6 @@ def test_posts_are_discs() -> None:
     assert estimate.mean.center == pytest.approx((7.5, 3.5), abs=0.03)
     assert estimate.mean.radius == pytest.approx(0.25, abs=0.03)
     assert estimate.covariance.shape == (3, 3)
-
-
-def test_each_obstacle_has_its_readings_and_so_its_box() -> None:
-    found = mapped()
-    assert len(found.readings) == found.walls + found.discs
-    for shape, readings in zip(found.world.obstacles, found.readings, strict=False):
-        box = plain_box(readings).bounding_box()
-        assert box[:2] == pytest.approx(readings.min(axis=0), abs=1e-3)
-        assert box[2:] == pytest.approx(readings.max(axis=0), abs=1e-3)
-        assert shapely.distance(shape.polygon(1e-3).shapely(), shapely.points(readings)).max() < 0.12
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("shapes", ["hulls", "boxes"])
-def test_obstacles_drawn_as_hulls_or_as_the_plain_boxes_of_algorithm_2(shapes: Literal["hulls", "boxes"]) -> None:
-    settings = MappingSettings(scan=SETTINGS.scan, pose_sigma=SETTINGS.pose_sigma, shapes=shapes)
-    found = map_scans(scans(), settings=settings, robot=Robot.disc(0.2), confidence=0.9)
-    assert (found.walls, found.discs) == (mapped().walls, mapped().discs)
-    kind = Polygon if shapes == "hulls" else Rectangle
-    for estimate, readings in zip(found.world.estimates, found.readings, strict=False):
-        assert estimate is not None
-        assert isinstance(estimate.mean, kind)
-        cloud = shapely.multipoints(readings)
-        expected = shapely.convex_hull(cloud) if shapes == "hulls" else shapely.box(*cloud.bounds)
-        assert shapely.hausdorff_distance(estimate.mean.polygon().shapely(), expected) < 2e-3
-        assert estimate.covariance.shape == (2, 2)
-        # Of a reading, 0.015, and a pose, 0.005 and a milliradian at up to ten metres.
-        assert 0.0158 <= math.sqrt(estimate.covariance[0, 0]) <= 0.0187
-    assert all(isinstance(e.mean, kind) for e in found.world.estimates if e is not None)
-    assert shapely.distance(regions(found.world), shapely.LineString(drive()[:, :2])).min() > 0.2
 
 
 def test_people_who_walk_on_leave_no_obstacle() -> None:
@@ -194,25 +144,20 @@ def test_the_door_is_open_and_passable_when_grown(tmp_path: Path) -> None:
     assert World.load(tmp_path / "w.yaml") == world
 
 
-def test_beams_that_meet_nothing_clear_the_way() -> None:
+def test_beams_that_meet_nothing_clear_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
     wall = shapely.box(2.0, -0.5, 2.1, 0.5)
     views = [cast([wall], (0.0, 0.0, 0.01 * i), range_max=6.0) for i in range(5)]
     inside = shapely.Point(1.0, 3.0)
     for clear_range, cleared in ((4.0, True), (0.0, False)):
-        world = map_scans(views, settings=MappingSettings(clear_range=clear_range)).world
+        monkeypatch.setattr("trailmark.estimation.maps.scan_map.CLEAR_RANGE", clear_range)
+        world = map_scans(views).world
         assert open_at(world, inside) == cleared
-    beyond = map_scans(views, settings=MappingSettings(clear_range=4.0)).world
-    assert not open_at(beyond, shapely.Point(1.0, 4.5))
+        assert not open_at(world, shapely.Point(1.0, 4.5))
     # Lost readings say nothing.
     lost = [view._replace(ranges=np.where(view.ranges < 6.0, view.ranges, math.nan)) for view in views]
-    world = map_scans(lost, settings=MappingSettings(clear_range=4.0)).world
+    monkeypatch.setattr("trailmark.estimation.maps.scan_map.CLEAR_RANGE", 4.0)
+    world = map_scans(lost).world
     assert not open_at(world, inside)
-
-
-def test_progress_is_told() -> None:
-    told: list[tuple[int, int]] = []
-    map_scans(scans()[:3], settings=SETTINGS, on_progress=lambda done, total: told.append((done, total)))
-    assert told == [(1, 3), (2, 3), (3, 3)]
 
 
 @pytest.mark.slow

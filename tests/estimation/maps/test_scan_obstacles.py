@@ -12,7 +12,7 @@ from trailmark.estimation.maps.evidence import EvidenceGrid
 from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.scan_obstacles import find_obstacles
 from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Observation
-from trailmark.shapes import Polygon, Rectangle
+from trailmark.shapes import Polygon
 
 CELL = 0.1
 HERE = np.array([[1.05, 1.05, 0.0]])
@@ -50,16 +50,6 @@ def test_cells_that_nothing_explains_are_heaps() -> None:
         assert heap.covariance == pytest.approx((4e-4 + 4e-4 + (0.01 * away) ** 2) * np.eye(2))
 
 
-def test_a_heap_about_free_space_is_as_uncertain_as_its_own_cells() -> None:
-    """The middle of a ring is no part of it."""
-    grid = open_grid()
-    hit(grid, np.s_[10:30], np.s_[30:50], length=30.0)
-    grid.hits[12:28, 32:48], grid.variance[12:28, 32:48], grid.passes[12:28, 32:48] = 0, 0.0, 1
-    settings = MappingSettings(cell=CELL, pose_sigma=(0.02, 0.01), unknown="free")
-    (ring,) = find_obstacles(*nothing(), grid, HERE, settings).heaps
-    assert ring.covariance[0, 0] == pytest.approx(8e-4 + 0.09)
-
-
 def test_what_is_cut_off_or_unseen_is_blocked() -> None:
     grid = open_grid()
     grid.passes[:, 40:] = 0
@@ -73,30 +63,6 @@ def test_what_is_cut_off_or_unseen_is_blocked() -> None:
     assert shapely.distance(blocked, shapely.box(0.0, 0.0, 2.9, 4.0)) > 0.0
     free = find_obstacles(*nothing(), grid, HERE, MappingSettings(cell=CELL, unknown="free"))
     assert free.unknown == []
-
-
-@pytest.mark.parametrize(("gap", "passed", "walls"), [(2, False, 1), (2, True, 2), (8, False, 2)])
-def test_stretches_are_joined_over_gaps_that_nothing_went_through(gap: int, passed: bool, walls: int) -> None:
-    grid = open_grid()
-    lines, discs = nothing()
-    middle = 30
-    places = np.concatenate([np.arange(10, middle), np.arange(middle + gap, 52)])
-    points = np.repeat(np.column_stack([CELL * (places + 0.5), np.full(len(places), 2.05)]), 3, axis=0)
-    for column in places.tolist():
-        hit(grid, np.s_[20:21], np.s_[column : column + 1])
-    if not passed:
-        grid.passes[19:22, middle : middle + gap] = 0
-    # The line y = 2.05, seen from below.
-    lines.update([Observation(np.array([2.05, 0.5 * math.pi]), 1e-4 * np.eye(2), np.zeros((2, 2)), points)])
-    found = find_obstacles(lines, discs, grid, HERE, SETTINGS)
-    assert len(found.walls) == walls
-    assert found.heaps == []
-    for estimate, own in found.walls:
-        assert isinstance(estimate.mean, Rectangle)
-        assert estimate.mean.width == SETTINGS.thickness
-        low, high = own[:, 0].min(), own[:, 0].max()
-        expected = shapely.box(low, 2.05, high, 2.05 + SETTINGS.thickness)
-        assert shapely.hausdorff_distance(estimate.mean.polygon().shapely(), expected) < 1e-9
 
 
 def test_a_wall_that_is_gone_is_no_wall() -> None:

@@ -11,12 +11,12 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.grown import grown_world
 from tests.support.trials import few
 
 from trailmark.errors import FormatError, WorldError
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.allocation import (
-    grown_world,
     refined,
     regrow,
 )
@@ -39,9 +39,8 @@ def office(confidence: float = 0.99) -> World:
         ESTIMATES,
         BOUNDS,
         confidence,
-        name="office",
         robot=Robot.rectangle(0.6, 0.4),
-        queries=[Query("door", (1, 1, 0), (18, 9, 0))],
+        queries=(Query("door", (1, 1, 0), (18, 9, 0)),),
         fixed=[Disc((18.0, 2.0), 0.4)],
         weights=[1.0, 2.0, 3.0, 4.0],
         pose_covariance=POSE,
@@ -65,24 +64,6 @@ def test_risks_add_up_to_what_there_is(weights: list[float]) -> None:
         found = shares(len(weights), given_weights)
         assert min(found) > 0.0
         assert math.fsum(found) == pytest.approx(1.0, rel=1e-12)
-
-
-def test_risk_follows_the_weights() -> None:
-    assert shares(4, None) == pytest.approx([0.25] * 4)
-    assert shares(4, [1, 2, 3, 4]) == pytest.approx([0.1, 0.2, 0.3, 0.4])
-    assert shares(0, None) == []
-
-
-@pytest.mark.parametrize("weights", [[1.0], [1.0, 0.0], [1.0, -1.0], [1.0, math.nan], [1.0, math.inf], [[1.0, 1.0]]])
-def test_weights_that_share_nothing_out(weights: list[float]) -> None:
-    with pytest.raises(EstimationError, match=r"weights: expected "):
-        shares(2, weights)
-
-
-@pytest.mark.parametrize("confidence", [0.0, 1.0, -1.0, 2.0, math.nan])
-def test_a_confidence_out_of_range(confidence: float) -> None:
-    with pytest.raises(EstimationError, match="confidence: "):
-        regrow(office(), confidence)
 
 
 # --- Worlds
@@ -133,17 +114,6 @@ def test_worlds_as_they_were_measured_can_be_grown() -> None:
     assert all(new.area > old.area for new, old in zip(grown.obstacles, means, strict=True))
     certain = World("certain", BOUNDS, means)
     assert regrow(certain, 0.99).obstacles == means
-
-
-def test_shares_that_some_carry_and_some_do_not() -> None:
-    estimates = (ObstacleEstimate(Disc((3, 3), 1), 0.01 * np.eye(2), 0.5), *ESTIMATES[:2])
-    world = World("w", BOUNDS, tuple(e.mean for e in estimates), estimates=estimates)
-    assert [e.share for e in regrow(world, 0.9).estimates if e] == [0.5, 0.25, 0.25]
-
-
-def test_a_pose_covariance_needs_a_robot() -> None:
-    with pytest.raises(EstimationError, match="pose_covariance"):
-        grown_world(ESTIMATES, BOUNDS, 0.9, pose_covariance=POSE)
 
 
 @pytest.mark.parametrize(
@@ -247,13 +217,6 @@ def test_an_obstacle_that_is_known_better_is_grown_anew_and_no_other() -> None:
     (item,) = world.difference(found).items
     assert (item.before, item.after) == (world.obstacles[2], found.obstacles[2])
     assert item.estimate is found.estimates[2]
-
-
-def test_where_nothing_is_grown_a_refined_obstacle_is_its_mean() -> None:
-    world = World("w", BOUNDS, (Disc((3, 3), 1.0), Disc((5, 5), 1.0)), ids=("a", "b"))
-    found = refined(world, {"b": ESTIMATES[0]})
-    assert found.obstacles == (world.obstacles[0], ESTIMATES[0].mean)
-    assert found.estimates == (None, ESTIMATES[0])
 
 
 def test_refining_is_refused_in_one_line() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -16,7 +15,6 @@ from tests.helpers.random_worlds import star_polygon
 from tests.support.trials import few, trials
 
 from trailmark.errors import WorldError
-from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.growth import DISC_ERROR, SIDES, grow
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import ObstacleEstimate
@@ -124,25 +122,6 @@ def test_draws_are_covered_as_often_as_stated(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_the_region_grows_with_confidence(name: str) -> None:
-    estimate = ObstacleEstimate(SHAPES[name], random_covariance(np.random.default_rng(1), NUMBERS[name]))
-    regions = [region(grow(estimate, p)) for p in (1e-6, 0.1, 0.5, 0.9, 0.99, 0.9999, 1.0 - 1e-12)]
-    assert not escapes(moved(SHAPES[name], np.zeros(2)), regions[0])
-    for small, large in itertools.pairwise(regions):
-        # Outlines touch where the errors have no part: rounding may cross them by a hair.
-        assert not escapes(small, shapely.buffer(large, 2e-6))
-        assert small.area < large.area
-
-
-@pytest.mark.parametrize("name", SHAPES)
-def test_no_covariance_leaves_the_shape_itself(name: str) -> None:
-    for k in range(2, NUMBERS[name] + 1):
-        estimate = ObstacleEstimate(SHAPES[name], np.zeros((k, k)))
-        assert grow(estimate, 0.999) is SHAPES[name]
-        assert grow(estimate, 0.999, pose_covariance=np.zeros((3, 3)), reach=0.4) is SHAPES[name]
-
-
-@pytest.mark.parametrize("name", SHAPES)
 def test_an_error_along_one_line_only(name: str) -> None:
     covariance = np.outer([0.3, 0.4], [0.3, 0.4])
     grown = region(grow(ObstacleEstimate(SHAPES[name], covariance), 0.95))
@@ -152,13 +131,6 @@ def test_an_error_along_one_line_only(name: str) -> None:
     # One degree of freedom: farther than q standard deviations nothing is asked for.
     around = shapely.buffer(moved(SHAPES[name], np.zeros(2)), 1.03 * 0.5 * q + 2.0 * DISC_ERROR, quad_segs=64)
     assert not escapes(grown, around)
-
-
-def test_a_round_error_keeps_a_disc_a_disc() -> None:
-    grown = grow(ObstacleEstimate(Disc((1, 2), 0.3), 0.01 * np.eye(2)), 0.99)
-    assert isinstance(grown, Disc)
-    assert grown.center == (1.0, 2.0)
-    assert grown.radius == pytest.approx(0.3 + 0.1 * math.sqrt(-2.0 * math.log(0.01)))
 
 
 def test_a_hole_that_no_robot_may_trust_is_filled() -> None:
@@ -212,27 +184,6 @@ def test_a_robots_displacement_is_one_of_the_obstacle(seed: int, confidence: flo
         apart = region(grow(ObstacleEstimate(shape, own), confidence, pose_covariance=pose))
         summed = region(grow(ObstacleEstimate(shape, both), confidence))
         assert shapely.hausdorff_distance(apart, summed) < 1e-6
-
-
-def test_a_round_robots_heading_does_not_matter() -> None:
-    estimate = ObstacleEstimate(SHAPES["wall"], 0.01 * np.eye(2))
-    known = grow(estimate, 0.9, pose_covariance=np.diag([0.04, 0.04, 0.0]))
-    assert grow(estimate, 0.9, pose_covariance=np.diag([0.04, 0.04, 1.0])) == known
-
-
-@pytest.mark.parametrize(
-    ("arguments", "problem"),
-    [
-        ({"confidence": 1.0}, r"confidence: expected .*, got 1.0"),
-        ({"confidence": 0.0}, r"confidence: expected .*, got 0.0"),
-        ({"confidence": math.nan}, r"confidence: expected .*, got nan"),
-        ({"confidence": 0.9, "sides": 3}, "grow: sides: expected a whole number of 4 or more, got 3"),
-        ({"confidence": 0.9, "reach": -1.0}, r"grow: reach: expected a finite number of 0 or more, got -1\.0"),
-    ],
-)
-def test_bad_arguments_are_one_line(arguments: dict[str, float], problem: str) -> None:
-    with pytest.raises(EstimationError, match=problem):
-        grow(ObstacleEstimate(Disc((0, 0), 1), np.eye(2)), **arguments)  # type: ignore[arg-type]  # the test's point
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.consistency import average, nees
 from trailmark.estimation.scans.fits import fit_circle_roughly, fit_disc, fit_line
 
@@ -42,42 +41,6 @@ def on_arc(x: float, y: float, radius: float, turns: np.ndarray) -> np.ndarray:
 
 
 # --- Lines
-
-
-@given(st.floats(0.1, 50.0), angles, st.floats(-30, 30), st.floats(0.1, 10), st.integers(2, 50), seeds)
-def test_points_on_a_line_give_that_line(
-    rho: float, alpha: float, first: float, length: float, n: int, seed: int
-) -> None:
-    places = first + length * np.linspace(0.0, 1.0, n)
-    points = on_line(rho, alpha, places)
-    noise = np.random.default_rng(seed).uniform(0.5, 2.0, n)[:, None, None] * 1e-4 * np.eye(2)
-    fit = fit_line(points, noise)
-    assert fit.line[0] == pytest.approx(rho, abs=1e-8 * (1 + abs(first) / length) * (1 + rho))
-    assert abs(math.remainder(fit.line[1] - alpha, 2 * math.pi)) < 1e-8 * (1 + rho) / length
-    assert fit.span == pytest.approx((places[0], places[-1]), abs=1e-6 * (1 + rho))
-    assert fit.misfit == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_normal_points_away_from_who_sees_it() -> None:
-    points = on_line(1.0, 0.3, np.linspace(-1, 1, 9))
-    noise = np.broadcast_to(1e-4 * np.eye(2), (9, 2, 2))
-    assert fit_line(points, noise, (0.0, 0.0)).line == pytest.approx([1.0, 0.3])
-    beyond = fit_line(points, noise, (3.0, 0.5))
-    assert beyond.line == pytest.approx([-1.0, 0.3 - math.pi])
-    assert beyond.covariance == pytest.approx(fit_line(points, noise).covariance * [[1, -1], [-1, 1]])
-
-
-@given(seeds, st.integers(3, 40))
-def test_equal_round_noise_gives_total_least_squares(seed: int, n: int) -> None:
-    rng = np.random.default_rng(seed)
-    points = on_line(3.0, rng.uniform(-3, 3), np.linspace(-2, 2, n)) + 0.05 * rng.normal(size=(n, 2))
-    fit = fit_line(points, np.broadcast_to(0.0025 * np.eye(2), (n, 2, 2)))
-    centred = points - points.mean(axis=0)
-    values, vectors = np.linalg.eigh(centred.T @ centred)
-    normal = np.array([math.cos(fit.line[1]), math.sin(fit.line[1])])
-    assert abs(normal @ vectors[:, 0]) == pytest.approx(1.0, abs=1e-10)
-    assert normal @ points.mean(axis=0) == pytest.approx(fit.line[0], abs=1e-9)
-    assert fit.misfit == pytest.approx(values[0] / 0.0025 / max(1, n - 2), rel=1e-5)
 
 
 @pytest.mark.slow
@@ -120,16 +83,6 @@ def test_a_lines_covariance_is_that_of_its_errors(rho: float, alpha: float, firs
 # --- Discs
 
 
-@given(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.05, 3.0), angles, st.floats(0.6, 6.0), st.integers(4, 40))
-def test_points_on_an_arc_give_that_circle(x: float, y: float, r: float, start: float, arc: float, n: int) -> None:
-    points = on_arc(x, y, r, np.linspace(start, start + arc, n))
-    fit = fit_disc(points, np.broadcast_to(1e-4 * np.eye(2), (n, 2, 2)))
-    assert fit is not None
-    assert fit.disc == pytest.approx([x, y, r], abs=1e-6)
-    rough = fit_circle_roughly(points)
-    assert rough == pytest.approx([x, y, r], abs=1e-6)
-
-
 @pytest.mark.slow
 def test_a_discs_covariance_is_that_of_its_errors() -> None:
     rng = np.random.default_rng(1)
@@ -153,17 +106,3 @@ def test_points_that_are_no_arc() -> None:
 
 
 # --- Bad input
-
-
-def test_shapes_that_do_not_fit() -> None:
-    with pytest.raises(
-        EstimationError,
-        match=r"expected shapes .*, got \(1, 2\), \(1, 2, 2\)",
-    ):
-        fit_line([[0, 0]], np.ones((1, 2, 2)))
-    with pytest.raises(EstimationError, match=r"got \(3, 2\), \(2, 2, 2\)"):
-        fit_line(np.ones((3, 2)), np.ones((2, 2, 2)))
-    with pytest.raises(EstimationError, match="3 equal ones"):
-        fit_line(np.ones((3, 2)), np.broadcast_to(np.eye(2), (3, 2, 2)))
-    with pytest.raises(EstimationError, match="n >= 3"):
-        fit_disc([[0, 0], [1, 1]], np.ones((2, 2, 2)))

@@ -16,7 +16,7 @@ from trailmark.estimation.scans.clouds import PointCloud, joined, point_cloud
 from trailmark.estimation.scans.correlation import Window, match_covariance, search
 from trailmark.estimation.scans.line_of_sight import in_view
 from trailmark.estimation.scans.local_map import LocalMap, local_map
-from trailmark.estimation.scans.matching import facing_score, refine
+from trailmark.estimation.scans.matching import refine
 from trailmark.se2 import FloatArray, wrap
 
 OFFICE = (
@@ -127,17 +127,6 @@ def test_beams_that_lie_metres_apart_do_not_hold_a_scan_along_a_corridor(gap: fl
     assert (max(nees) < 5.0) == is_open
 
 
-def test_lines_are_filled_in_on_one_surface_alone() -> None:
-    """Against shapely: what is filled in lies on the walls, and nothing spans the door between them."""
-    walls = (shapely.box(-2.0, 3.0, 1.0, 3.2), shapely.box(2.5, 3.0, 5.5, 3.2), shapely.box(5.5, -3.2, 5.7, 3.2))
-    cloud = point_cloud(cast(walls, [0.0, 0.0, 0.0], beams=90, range_max=30.0), 30.0)
-    filled, points = local_map(cloud, gap=0.06).points, local_map(cloud).points
-    distances = shapely.distance(shapely.union_all(walls), shapely.points(filled))
-    assert len(filled) > 2 * len(points)
-    assert distances.max() < 0.02
-    assert len(local_map(cloud, gap=0.06).normals) == len(filled)
-
-
 @pytest.mark.slow
 def test_the_search_finds_the_best_of_all_poses() -> None:
     """Branch and bound against trying each pose of the lattice."""
@@ -161,42 +150,6 @@ def test_the_search_finds_the_best_of_all_poses() -> None:
     assert search(AREA, points, guess, window, min_score=best + 1e-6) is None
     other = search(AREA, points, guess, window, apart_from=found.pose)
     assert other is None or np.hypot(*(other.pose - found.pose)[:2]) >= 0.5
-
-
-def test_what_shows_nothing_matches_nowhere() -> None:
-    nothing = PointCloud(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
-    assert search(AREA, nothing.points, np.zeros(3), WINDOW) is None
-    empty = local_map(nothing, (0.0, 0.0, 1.0, 1.0))
-    assert search(empty, AREA.points, np.zeros(3), WINDOW) is None
-
-
-def test_points_of_a_walls_other_face_do_not_count() -> None:
-    x = np.arange(-2.0, 2.0, 0.05)
-    wall = np.column_stack([x, np.full(len(x), 2.0)])
-    towards = np.tile([0.0, -1.0], (len(x), 1))
-    dense = np.full(len(x), 0.05)
-    area = local_map(PointCloud(wall, towards, dense))
-    here, behind = np.zeros(3), np.array([0.0, 4.0, math.pi])
-    assert facing_score(area, PointCloud(wall, towards, dense), here) == pytest.approx(1.0, abs=0.1)
-    # From behind, the same points are seen at the same places; with directions of their own, and without.
-    seen = PointCloud(np.column_stack([-x, np.full(len(x), 2.0)]), towards, dense)
-    assert refine(area, seen, behind).score > 0.9
-    assert facing_score(area, seen, behind) == 0.0
-    assert facing_score(area, PointCloud(seen.points, np.zeros_like(towards), dense), behind) == 0.0
-    # Points without a direction count where the face is turned to the scanner; outside the map nothing does.
-    assert facing_score(area, PointCloud(wall, np.zeros_like(towards), dense), here) == pytest.approx(1.0, abs=0.1)
-    assert facing_score(area, PointCloud(wall + 50.0, towards, dense), here) == 0.0
-
-
-def test_what_lies_behind_walls_or_at_the_robots_back_is_not_in_view() -> None:
-    """A wall 4 m ahead with a door in it, seen by a laser of 180 degrees."""
-    wall = shapely.difference(shapely.box(4.0, -6.0, 4.2, 6.0), shapely.box(3.9, -0.5, 4.3, 0.5))
-    cloud = point_cloud(cast([wall], (0.0, 0.0, 0.0), range_max=20.0), 20.0)
-    before, at, behind, through, aside, back = (2.0, 2.0), (4.1, 2.0), (5.5, 2.0), (5.5, 0.0), (0.5, 5.0), (-2.0, 0.5)
-    seen = in_view(cloud, np.array([before, at, behind, through, aside, back]))
-    assert seen.tolist() == [True, True, False, False, False, False]
-    nothing = PointCloud(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
-    assert not in_view(nothing, np.array([before])).any()
 
 
 @given(st.integers(0, 2**32 - 1))

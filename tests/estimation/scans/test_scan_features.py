@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -13,20 +12,15 @@ from hypothesis import strategies as st
 from tests.estimation.ray_casting import cast, end_points, room
 from tests.support.trials import few
 
-from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.filter.sensors import LinePolar
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.scan_features import (
-    dbscan_groups,
-    disc_finder,
+    ScanSettings,
     find_features,
     jump_groups,
-    line_finder,
     scan_points,
     split_and_merge,
 )
-from trailmark.estimation.scans.scan_settings import ScanSettings
-from trailmark.se2 import compose, transform
+from trailmark.se2 import transform
 
 SETTINGS = ScanSettings()
 ROOM = room(0.0, 0.0, 6.0, 4.0)
@@ -67,21 +61,10 @@ def test_beams_that_met_nothing_have_no_end_points() -> None:
     assert scan_points(Scan(0.0, ranges, 0.0, 0.1, 30.0), ScanSettings(max_range=12.0)).beams.tolist() == [0, 6, 7]
     nothing = scan_points(Scan(0.0, np.full(5, math.inf), 0.0, 0.1, 30.0), SETTINGS)
     assert len(nothing.points) == 0
-    for groups in (jump_groups, dbscan_groups):
-        assert groups(nothing, SETTINGS) == []
+    assert jump_groups(nothing, SETTINGS) == []
 
 
 # --- Groups
-
-
-def test_both_ways_of_grouping_find_things_that_stand_apart() -> None:
-    things = [shapely.box(2, -0.3, 2.3, 0.3), shapely.box(2, 1.5, 2.3, 2.1), shapely.box(1, -3, 1.4, -2.5)]
-    scan = cast(things, (0.0, 0.0, 0.0), sigma_range=0.01, rng=np.random.default_rng(0))
-    seen = scan_points(scan, SETTINGS)
-    owner = np.array([[thing.distance(shapely.Point(p)) for thing in things] for p in seen.points]).argmin(axis=1)
-    for groups in (jump_groups(seen, SETTINGS), dbscan_groups(seen, SETTINGS)):
-        found = sorted(group.tolist() for group in groups)
-        assert found == sorted(np.flatnonzero(owner == i).tolist() for i in range(3))
 
 
 @pytest.mark.slow
@@ -92,28 +75,9 @@ def test_every_end_point_is_in_one_group(seed: int, n: int, whole_turn: bool) ->
     ranges = np.where(rng.random(n) < 0.2, np.inf, rng.uniform(0.5, 9.0, n))
     step = 2 * math.pi / n if whole_turn else math.pi / n
     seen = scan_points(Scan(0.0, ranges, -math.pi, step, 10.0), SETTINGS)
-    for groups in (jump_groups(seen, SETTINGS), dbscan_groups(seen, SETTINGS)):
-        assert sorted(np.concatenate([[], *groups]).tolist()) == list(range(len(seen.points)))
-        assert all(len(group) for group in groups)
-
-
-def test_a_whole_turn_has_no_beginning() -> None:
-    # The wall lies where the sweep begins and ends.
-    wall = shapely.box(-2.2, -1.0, -2.0, 1.0)
-    seen = scan_points(cast([wall], (0, 0, 0), beams=360, field=2 * math.pi), SETTINGS)
-    assert seen.closed
-    (group,) = jump_groups(seen, SETTINGS)
-    assert (np.diff(seen.points[group][:, 1]) < 0.0).all()
-    half = scan_points(cast([wall], (0, 0, math.pi), beams=181), SETTINGS)
-    assert not half.closed
-    assert len(jump_groups(half, SETTINGS)) == 1
-
-
-def test_a_wall_seen_at_a_flat_angle_stays_whole() -> None:
-    # At its far end the beams meet it at 12 degrees, 0.3 m from one to the next.
-    seen = scan_points(cast([shapely.box(0.5, 1.3, 6.0, 1.5)], (0, 0, 0), beams=181), SETTINGS)
-    assert len(jump_groups(seen, SETTINGS)) == 1
-    assert len(jump_groups(seen, ScanSettings(incidence=math.radians(40)))) > 1
+    groups = jump_groups(seen, SETTINGS)
+    assert sorted(np.concatenate([[], *groups]).tolist()) == list(range(len(seen.points)))
+    assert all(len(group) for group in groups)
 
 
 # --- Straight pieces
@@ -131,26 +95,14 @@ def test_pieces_share_the_points_out_and_are_straight(points: list[tuple[float, 
         assert np.abs(off).max() <= 2.0 * threshold + 1e-9
 
 
-def test_corners_are_found() -> None:
-    s = np.linspace(0.0, 1.0, 20)[:, None]
-    corners = np.array([[0, 0], [3, 0], [3, 2], [1, 3.0]])
-    line = np.concatenate([a + s * (b - a) for a, b in itertools.pairwise(corners)])
-    noisy = line + np.random.default_rng(0).normal(scale=0.01, size=line.shape)
-    pieces = split_and_merge(noisy, 0.05)
-    assert [len(piece) for piece in pieces] == pytest.approx([20, 20, 20], abs=1)
-    assert split_and_merge(np.empty((0, 2)), 0.05) == []
-    assert [len(piece) for piece in split_and_merge(noisy[:1], 0.05)] == [1]
-
-
 # --- Lines and discs
 
 
-@pytest.mark.parametrize("groups", ["jump", "dbscan"])
 @pytest.mark.parametrize("mount", [(0.0, 0.0, 0.0), (0.3, -0.1, 0.4)])
-def test_a_room_is_its_walls_and_its_post(groups: str, mount: tuple[float, float, float]) -> None:
+def test_a_room_is_its_walls_and_its_post(mount: tuple[float, float, float]) -> None:
     rng = np.random.default_rng(0)
     pose = (2.0, 1.5, 0.4)
-    settings = ScanSettings(groups=groups, sigma_range=0.01)  # type: ignore[arg-type]  # one of the two
+    settings = ScanSettings(sigma_range=0.01)
     scan = cast(
         [ROOM, POST, CRATE],
         pose,
@@ -205,44 +157,3 @@ def test_a_wall_is_no_disc_and_a_small_arc_neither() -> None:
     bay = shapely.difference(shapely.box(0.5, -2, 3, 2), shapely.buffer(shapely.Point(0.5, 0.0), 0.5))
     _, features = find_features(cast([bay], (-1.0, 0, 0), beams=721), SETTINGS)
     assert features.discs == ()
-
-
-def test_lines_as_detections_for_the_filter() -> None:
-    pose = (2.0, 1.5, 0.4)
-    scan = cast([ROOM], pose, beams=181, mount=(-0.2, 0.1, 0.2))
-    sensor = LinePolar(0.02, 0.01)
-    sides = np.array([[0.0, math.pi], [6.0, 0.0], [0.0, -math.pi / 2], [4.0, math.pi / 2]])
-    detections = line_finder()(scan)
-    assert detections
-    for detection in detections:
-        assert detection.kind == "line"
-        assert detection.t == scan.t
-        off = np.abs(sensor.residual(detection.z, sensor.h(np.array(pose), sides))).max(axis=1)
-        # A corner's point may pull at a line.
-        assert off.min() < 5e-3
-        assert detection.z[0] >= 0.0
-        assert detection.covariance is not None
-        assert (np.linalg.eigvalsh(detection.covariance) > 0.0).all()
-
-
-def test_discs_as_detections_for_the_filter() -> None:
-    pose = (2.0, 1.5, 0.4)
-    (detection,) = disc_finder()(cast([ROOM, POST], pose, beams=361))
-    assert detection.kind == "cartesian"
-    assert transform(pose, detection.z[None])[0] == pytest.approx([4.0, 2.5], abs=1e-3)
-    assert compose(pose, [*detection.z, 0.0])[:2] == pytest.approx([4.0, 2.5], abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("settings", "problem"),
-    [
-        ({"groups": "kmeans"}, "got 'kmeans'"),
-        ({"sigma_range": 0.0}, "sigma_range"),
-        ({"split": -1.0}, "split"),
-        ({"min_points": 3}, "min_points"),
-        ({"disc_radii": (1.0, 0.5)}, "disc_radii"),
-    ],
-)
-def test_settings_that_are_not_allowed(settings: dict[str, object], problem: str) -> None:
-    with pytest.raises(EstimationError, match=problem):
-        ScanSettings(**settings)  # type: ignore[arg-type]  # the test's point

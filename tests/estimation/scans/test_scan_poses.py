@@ -36,12 +36,6 @@ def test_poses_by_velocities() -> None:
     assert x == pytest.approx(np.array([[2, 0, 0], [4, 1, math.pi / 2]]), abs=1e-12)
 
 
-def test_velocities_hold_until_an_increment() -> None:
-    turn = Increment(1.0, 0.0, 0.0, math.pi / 2)
-    _, x = scan_poses(log([Odometry(0.0, 1.0, 0.0), turn, bare(2.0)]), "odometry")
-    assert x == pytest.approx(np.array([[1.0, 1.0, math.pi / 2]]), abs=1e-12)
-
-
 def test_poses_of_the_scans_themselves() -> None:
     stated = [bare(1.0)._replace(pose=(1.0, 0.0, 0.0)), bare(2.0)._replace(pose=(2.0, 0.0, 0.0))]
     records: list[Record] = [stated[0], Increment(1.5, 0.5, 0.0, 0.0), stated[1]]
@@ -54,24 +48,10 @@ def test_poses_of_the_scans_themselves() -> None:
         scan_poses(log([stated[0], bare(2.0)]), "log")
 
 
-def test_nothing_but_scans_is_a_log_too() -> None:
-    stated = [bare(1.0)._replace(pose=(1.0, 2.0, 3.0)), bare(2.0)._replace(pose=(2.0, 2.0, 3.0))]
-    found, x = scan_poses(stated)
-    assert found == stated
-    assert x.tolist() == [[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]]
-    assert scan_poses([])[1].shape == (0, 3)
-
-
 def test_odometry_starts_at_the_first_scans_pose() -> None:
     records: list[Record] = [bare(0.0)._replace(pose=(5.0, 1.0, math.pi / 2)), Increment(1.0, 2.0, 0.0, 0.0), bare(1.0)]
     _, x = scan_poses(log(records))
     assert x == pytest.approx(np.array([[5, 1, math.pi / 2], [5, 3, math.pi / 2]]), abs=1e-12)
-
-
-@pytest.mark.parametrize("source", ["odomtry", ""])
-def test_sources_that_are_none(source: str) -> None:
-    with pytest.raises(EstimationError, match=f"got '{source}'"):
-        scan_poses([bare(0.0)], source)  # type: ignore[arg-type]  # the test's point
 
 
 def test_odometry_is_missing_where_there_is_none_among_much() -> None:

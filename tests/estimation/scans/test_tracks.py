@@ -12,9 +12,8 @@ from tests.support.trials import trials
 
 from trailmark.estimation.filter.consistency import average, nees
 from trailmark.estimation.logs.records import Scan
-from trailmark.estimation.scans.scan_features import find_features
-from trailmark.estimation.scans.scan_settings import ScanSettings
-from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Observation
+from trailmark.estimation.scans.scan_features import ScanSettings, find_features
+from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 
 SETTINGS = ScanSettings(sigma_range=0.02, sigma_bearing=0.003)
 POSE_SIGMA = np.diag([0.01, 0.01, 0.002]) ** 2
@@ -78,44 +77,6 @@ def test_errors_that_poses_have_in_common_do_not_average_out() -> None:
     assert values.mean() > 0.5
 
 
-@pytest.mark.slow
-def test_errors_of_different_episodes_average_out_and_no_more() -> None:
-    """Each episode shares one error of its poses; episodes are of unequal length."""
-    errors, stated = [], []
-    lengths = (1, 2, 6)
-    for seed in trials(30, of=2):
-        rng = np.random.default_rng(seed)
-        tracks = LineTracks(0.999999, POSE_SIGMA, 0.3)
-        for episode, length in enumerate(lengths):
-            offset = rng.multivariate_normal(np.zeros(3), POSE_SIGMA)
-            for scan in scans(WALL, length, rng):
-                seen, features = find_features(scan, SETTINGS)
-                pose = np.asarray(scan.pose) + offset
-                tracks.update([tracks.observation(fit, seen.points, pose) for fit in features.lines], episode)
-        assert all(tracks.episodes[0][i] >= length for i, length in enumerate(lengths))
-        errors.append(tracks.difference(tracks.states[0], np.array([3.0, 0.0])))
-        stated.append(tracks.covariance(0))
-    values = nees(errors, stated)
-    assert average(values, 2.0, probability=0.999).mean < average(values, 2.0, probability=0.999).high
-    assert values.mean() > 0.5
-
-
-def test_more_episodes_are_known_better() -> None:
-    by_episodes = []
-    for episodes in (1, 3, 9):
-        tracks = LineTracks(0.999, POSE_SIGMA, 0.3)
-        for i, scan in enumerate(scans(WALL, 9, np.random.default_rng(1))):
-            seen, features = find_features(scan, SETTINGS)
-            lines = [tracks.observation(fit, seen.points, np.asarray(scan.pose)) for fit in features.lines]
-            tracks.update(lines, i * episodes // 9)
-        by_episodes.append(tracks.covariance(0) - tracks.P[0])
-    for n, part in zip((3, 9), by_episodes[1:], strict=True):
-        ratio = float(part[0, 0] / by_episodes[0][0, 0])
-        assert part == pytest.approx(ratio * by_episodes[0])
-        # A scan may see the wall in two pieces, so that the shares are not quite equal; equal ones give the least.
-        assert 1.0 / n - 1e-12 <= ratio < 1.2 / n
-
-
 def test_the_two_faces_of_a_thin_wall_are_two_lines() -> None:
     thin = shapely.box(3.0, -2.0, 3.08, 2.0)
     rng = np.random.default_rng(3)
@@ -135,15 +96,6 @@ def test_the_two_faces_of_a_thin_wall_are_two_lines() -> None:
     assert len(faces) == 2
 
 
-def test_stretches_with_a_wide_gap_are_two_lines() -> None:
-    gate = shapely.union(shapely.box(3.0, -2.0, 3.3, -0.6), shapely.box(3.0, 0.6, 3.3, 2.0))
-    for gap, count in ((0.3, 2), (2.0, 1)):
-        tracks = follow_lines(LineTracks(0.999, POSE_SIGMA, gap), scans(gate, 10, np.random.default_rng(4)))
-        tracks.drop_unconfirmed(3)
-        fronts = np.abs(tracks.states[:, 1]) < 0.2
-        assert fronts.sum() == count
-
-
 def test_lines_that_turn_out_to_be_one_are_joined() -> None:
     rng = np.random.default_rng(5)
     tracks = LineTracks(0.999, POSE_SIGMA, 0.3)
@@ -159,19 +111,8 @@ def test_lines_that_turn_out_to_be_one_are_joined() -> None:
     at = np.flatnonzero(np.abs(tracks.states[:, 1]) < 0.2)
     assert len(at) == 1
     assert tracks.scans[at[0]] == 11
-    assert sum(tracks.episodes[at[0]].values()) == 11
     assert sum(sum(map(len, own)) for own in tracks.readings) == before
     assert tracks.states[at[0]] == pytest.approx([3.0, 0.0], abs=0.02)
-
-
-def test_what_was_seen_once_is_dropped() -> None:
-    rng = np.random.default_rng(6)
-    tracks = follow_lines(LineTracks(0.999, POSE_SIGMA, 0.3), scans(WALL, 5, rng))
-    follow_lines(tracks, scans(shapely.box(2.0, -1.0, 2.2, 1.0), 1, rng))
-    assert len(tracks) > 1
-    dropped = tracks.drop_unconfirmed(3)
-    assert dropped == 1
-    assert len(tracks) == len(tracks.readings) == len(tracks.P) == 1
 
 
 @pytest.mark.slow
@@ -210,28 +151,3 @@ def test_the_pose_turns_what_a_disc_is_known_by() -> None:
     states = [lines.observation(features.lines[0], seen.points, draw).state for draw in draws]
     spread = np.cov(np.array(states).T)
     assert wall.R_pose == pytest.approx(spread, abs=0.08 * spread.max())
-
-
-def test_no_features_no_tracks() -> None:
-    tracks = LineTracks(0.99, POSE_SIGMA, 0.3)
-    tracks.update([])
-    tracks.merge()
-    assert tracks.drop_unconfirmed(3) == 0
-    assert len(tracks) == 0
-    once = Observation(np.array([1.0, 0.0]), np.eye(2), np.zeros((2, 2)), np.array([[1.0, 0.0], [1.0, 1.0]]))
-    tracks.update([once, once])
-    # Two stretches of one scan count once.
-    assert tracks.scans.tolist() == [1]
-
-
-@pytest.mark.slow
-def test_end_points_are_thinned_where_they_are_very_many() -> None:
-    tracks, many = LineTracks(0.999, np.zeros((3, 3)), 0.3), np.random.default_rng(0)
-    for _ in range(1200):
-        points = np.column_stack([np.full(20, 3.0), many.uniform(-1.0, 1.0, 20)])
-        tracks.update([Observation(np.array([3.0, 0.0]), 1e-4 * np.eye(2), 1e-4 * np.eye(2), points)])
-    assert len(tracks) == 1
-    assert (tracks.scans[0], tracks.sightings[0]) == (1200, 1200)
-    assert sum(map(len, tracks.readings[0])) < 20 * 600
-    # The pose's part does not average out, whatever became of the end points.
-    assert tracks.covariance(0)[0, 0] == pytest.approx(1e-4, rel=0.1)

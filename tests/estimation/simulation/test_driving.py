@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from trailmark.estimation import EstimationError
-from trailmark.estimation.simulation.driving import Drive
+from trailmark.estimation.simulation.simulator import Drive
 
 FloatArray = NDArray[np.float64]
 places = st.floats(-20.0, 20.0)
@@ -72,46 +71,9 @@ def test_a_circle_is_driven_as_arcs() -> None:
     assert back.velocities([1.0])[0] == pytest.approx([-2.0, -0.4])
 
 
-def test_turning_straight_and_backward() -> None:
-    drive = Drive([[0, 0, 0], [0, 2, 0]], 1.0, 1.0)
-    assert drive.times == pytest.approx([0.0, math.pi / 2, math.pi / 2 + 2, math.pi + 2])
-    # Two metres behind and turned by little: backward takes less turning.
-    drive = Drive([[0.0, 0.0, 0.0], [-2.0, 0.2, 0.0]], 1.0, 1.0)
-    assert (drive.velocities(drive.times[:-1] + 1e-6)[:, 0] <= 0.0).all()
-    assert drive.times[-1] < 2.5
-    assert Drive([[0, 0, 0], [3, 0, 0]], 1.5, 1.0).times.tolist() == [0.0, 2.0]
-    assert Drive([[0, 0, 0], [0, 0, 1]], 1.5, 0.5).times.tolist() == [0.0, 2.0]
-    assert Drive([[1, 2, 3]], 1.0, 1.0).times.tolist() == [0.0]
-    assert Drive([[1, 2, 3]], 1.0, 1.0).poses([0.0]).tolist() == [[1, 2, 3]]
-
-
-def test_a_holonomic_drive_goes_as_planners_mean_it() -> None:
-    drive = Drive([[0, 0, 3.0], [4, 2, -3.0]], 1.0, 1.0, holonomic=True)
-    poses = drive.poses(np.linspace(0.0, drive.times[-1], 9))
-    assert poses[:, 0] == pytest.approx(np.linspace(0, 4, 9))
-    assert poses[:, 1] == pytest.approx(np.linspace(0, 2, 9))
-    unrolled = np.where(poses[:, 2] < 0, poses[:, 2] + 2 * math.pi, poses[:, 2])
-    assert unrolled == pytest.approx(np.linspace(3.0, 2 * math.pi - 3.0, 9))
-
-
 @pytest.mark.parametrize("holonomic", [False, True])
 def test_waypoints_are_passed_ahead(holonomic: bool) -> None:
     drive = Drive([[0, 0], [0, 3], [0, 3], [-4, 3]], 1.0, 1.0, holonomic=holonomic)
     assert drive.poses([0.0])[0] == pytest.approx([0, 0, math.pi / 2])
     assert drive.times == pytest.approx([0, 3, 3 + math.pi / 2, 7 + math.pi / 2])
     assert drive.poses([99.0])[0] == pytest.approx([-4, 3, math.pi])
-
-
-@pytest.mark.parametrize(
-    ("states", "speed", "problem"),
-    [
-        ([[0.0, 0.0]], 1.0, r"states: expected shape \(n, 3\), n >= 1, or \(n, 2\), n >= 2, got \(1, 2\)"),
-        ([0.0, 0.0, 0.0], 1.0, r"states: expected shape \(n, 3\), n >= 1, or \(n, 2\), n >= 2, got \(3,\)"),
-        (np.empty((0, 3)), 1.0, r"states: expected shape \(n, 3\), n >= 1, or \(n, 2\), n >= 2, got \(0, 3\)"),
-        ([[0.0, 0.0, np.nan]], 1.0, r"Drive: states: expected an array of finite numbers, got \[\[0\.0, 0\.0, nan\]\]"),
-        ([[0.0, 0.0, 0.0]], 0.0, r"Drive: speed: expected a finite number above 0, got 0\.0"),
-    ],
-)
-def test_misuse(states: list[list[float]], speed: float, problem: str) -> None:
-    with pytest.raises(EstimationError, match=problem):
-        Drive(states, speed, 1.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tests.support.trials import few
 
 from trailmark import Disc, Polygon, Rectangle, World
-from trailmark.estimation.simulation.raycast import RayCaster
+from trailmark.estimation.simulation.virtual_sensors import RayCaster
 from trailmark.shapes import Shape
 
 FloatArray = NDArray[np.float64]
@@ -100,24 +100,6 @@ def test_no_ray_slips_through_a_corner() -> None:
     assert np.abs(found - np.tile(np.hypot(*ring.T), 3)).max() < 1e-9
 
 
-def test_along_walls_and_in_a_hole() -> None:
-    world = World("hole", (0.0, 0.0, 20.0, 10.0), (SQUARE,))
-    caster = RayCaster(world)
-    # Along the square's lower edge the ray meets its corner; from the hole it meets the hole's walls.
-    assert caster.distances((1.0, 4.0), [0.0])[0] == pytest.approx(3.0)
-    assert caster.distances((5.5, 5.25), [0.0, np.pi / 2, np.pi, -np.pi / 2]) == pytest.approx([0.5, 0.75, 0.5, 0.25])
-    assert caster.distances((2.0, 2.0), [np.pi, -np.pi / 2, 0.0]) == pytest.approx([2.0, 2.0, 18.0])
-    assert RayCaster(world, bounds=False).distances((2.0, 2.0), [np.pi, 0.0]).tolist() == [np.inf, np.inf]
-
-
-def test_passing_through_its_own_obstacle() -> None:
-    world = World(
-        "row", (0.0, -5.0, 20.0, 5.0), (Disc((5.0, 0.0), 1.0), Rectangle((9.0, 0.0), 2.0, 2.0), Disc((15.0, 0.0), 1.0))
-    )
-    found = RayCaster(world).distances((0.0, 0.0), np.zeros(4), passing=[-2, 0, 1, 2])
-    assert found == pytest.approx([4.0, 8.0, 4.0, 4.0])
-
-
 def test_a_sensor_that_touches_a_wall() -> None:
     world = World("touch", (0.0, 0.0, 10.0, 10.0), (SQUARE, Disc((2.0, 7.0), 1.0)))
     caster = RayCaster(world)
@@ -126,19 +108,3 @@ def test_a_sensor_that_touches_a_wall() -> None:
         assert caster.distances((slack, 1.0), [0.0, 0.4, np.pi])[[0, 2]] == pytest.approx([10.0, 0.0], abs=1e-5)
         assert caster.distances((4.0 - slack, 5.0), [0.0, np.pi]) == pytest.approx([0.0, 4.0], abs=1e-5)
         assert caster.distances((3.0 + slack, 7.0), [0.0, np.pi]) == pytest.approx([1.0, 0.0], abs=1e-5)
-
-
-@pytest.mark.slow
-def test_many_rays_and_edges_at_once() -> None:
-    # More pairs than one block holds: the blocks' seams must not show.
-    rng = np.random.default_rng(2)
-    spots = tuple(Rectangle((x, y), 0.2, 0.2) for x, y in rng.uniform(0.0, 100.0, (800, 2)))
-    caster = RayCaster(World("many", (0.0, 0.0, 100.0, 100.0), spots))
-    angles = rng.uniform(-np.pi, np.pi, 700)
-    together = caster.distances((50.0, 50.0), angles)
-    assert np.array_equal(together, [caster.distances((50.0, 50.0), [angle])[0] for angle in angles])
-
-
-def test_an_empty_world_without_walls() -> None:
-    world = World("empty", (0.0, 0.0, 1.0, 1.0))
-    assert RayCaster(world, bounds=False).distances((0.5, 0.5), [0.0, 1.0]).tolist() == [np.inf, np.inf]

@@ -6,14 +6,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from filterpy.kalman import ExtendedKalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from trailmark import Disc, Polygon, Rectangle, TrailmarkError, World
-from trailmark.estimation import EstimationError, RangeBearing, refine_point, refine_points, sense_obstacles
+from trailmark import Disc, Polygon, Rectangle, World
+from trailmark.estimation import RangeBearing, refine_points, sense_obstacles
 
 FloatArray = NDArray[np.float64]
 
@@ -47,27 +46,6 @@ def by_recursion(readings: FloatArray, poses: FloatArray, sensor: RangeBearing) 
     return point, P
 
 
-def test_filterpy_s_filter_predicts_and_updates(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = []
-
-    def counted(name: str) -> None:
-        own = getattr(ExtendedKalmanFilter, name)
-
-        def call(self: ExtendedKalmanFilter, *args: object, **options: object) -> None:
-            calls.append((name, self.x.size))
-            own(self, *args, **options)
-
-        monkeypatch.setattr(ExtendedKalmanFilter, name, call)
-
-    counted("predict")
-    counted("update")
-    sensor = RangeBearing(0.1, 0.02)
-    _, poses, readings = log(40, 3, sensor, 0)
-    refine_points(readings, poses, sensor)
-    # Two further readings of 32 points, then those of the other 8.
-    assert calls == 2 * [("predict", 64), ("update", 64)] + 2 * [("predict", 16), ("update", 16)]
-
-
 @pytest.mark.slow
 @given(
     m=st.integers(1, 12),
@@ -86,9 +64,6 @@ def test_many_at_once_are_each_one_by_the_equations(
         point, covariance = by_recursion(readings[i], poses[i], sensor)
         assert np.abs(point - many.points[i]).max() < 1e-9
         assert np.abs(covariance - many.covariances[i]).max() < 1e-9
-        one = refine_point(readings[i], poses[i], sensor)
-        assert np.abs(one.point - point).max() < 1e-9
-        assert np.abs(one.covariance - covariance).max() < 1e-9
 
 
 def test_near_the_batch_optimum() -> None:
@@ -122,46 +97,6 @@ def test_stated_covariance_is_the_true_one() -> None:
     assert 1.85 < nees.mean() < 2.15
 
 
-def test_poses_broadcast() -> None:
-    sensor = RangeBearing(0.1, 0.02)
-    pose = np.array([1.0, 2.0, 0.5])
-    readings = np.array([[[2.0, 0.1], [2.1, 0.12]], [[3.0, -0.1], [3.1, -0.12]]])
-    same = refine_points(readings, np.broadcast_to(pose, (2, 2, 3)), sensor)
-    assert np.array_equal(refine_points(readings, pose, sensor).points, same.points)
-    assert np.array_equal(refine_points(readings, np.stack([pose, pose]), sensor).points, same.points)
-
-
-@pytest.mark.parametrize(
-    ("readings", "poses", "message"),
-    [
-        (
-            np.zeros((0, 2)),
-            np.zeros((0, 3)),
-            r"readings: expected finite numbers of shape \(n, 2\)",
-        ),
-        (
-            np.zeros((4, 3)),
-            np.zeros((4, 3)),
-            r"readings: expected finite numbers of shape \(n, 2\)",
-        ),
-        (
-            np.ones((4, 2)),
-            np.zeros((3, 3)),
-            r"poses: expected one x, y, theta for each of \(1, 4\) readings",
-        ),
-        ([[1.0, np.nan]], np.zeros(3), r"readings: expected finite numbers of shape \(n, 2\)"),
-        (
-            [[1.0, 0.0]],
-            [np.inf, 0.0, 0.0],
-            "poses: expected an array of finite numbers",
-        ),
-    ],
-)
-def test_bad_readings(readings: FloatArray, poses: FloatArray, message: str) -> None:
-    with pytest.raises(EstimationError, match=message):
-        refine_point(readings, poses, RangeBearing(0.1, 0.1))
-
-
 WORLD = World(
     "readings",
     (0.0, 0.0, 20.0, 10.0),
@@ -183,13 +118,6 @@ def test_readings_lie_on_the_outlines_and_span_the_boxes() -> None:
         assert shapely.distance(outline, shapely.points(points)).max() < 0.06
         box = (*points.min(axis=0), *points.max(axis=0))
         assert np.allclose(box, obstacle.bounding_box(), atol=0.06)
-
-
-def test_the_seed_decides() -> None:
-    sensor = RangeBearing(0.05, 0.01)
-    first, again, other = (sense_obstacles(WORLD, 40, sensor, random_state=seed) for seed in (1, 1, 2))
-    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
-    assert not np.array_equal(first[0], other[0])
 
 
 def test_only_what_is_seen_is_read() -> None:
@@ -214,27 +142,3 @@ def test_the_boundary_hides_what_is_outside() -> None:
     disc, rectangle, polygon = sense_obstacles(world, 50, RangeBearing(0.01, 0.01), random_state=1)
     assert len(disc) == 28
     assert len(rectangle) == len(polygon) == 0
-
-
-def test_an_empty_world_has_no_readings() -> None:
-    assert sense_obstacles(World("w", (0.0, 0.0, 1.0, 1.0)), 3, RangeBearing(0.1, 0.1), random_state=1) == []
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"poses": 0}, r"poses: expected a whole number of 1 or more, got array\(0\.\)"),
-        ({"poses": [[0.0, 0.0]]}, "poses: expected shape"),
-        (
-            {"points_per_obstacle": 0},
-            "points_per_obstacle: expected a whole number of 1 or more, got 0",
-        ),
-        ({"readings_per_point": 0}, "readings_per_point: expected a whole number of 1 or more, got 0"),
-        ({"max_range": 0.0}, r"sense_obstacles: max_range: expected a number above 0, got 0\.0"),
-        ({"world": World("w", (0.0, 0.0, 1.0, 1.0), (Rectangle((0.5, 0.5), 3.0, 3.0),))}, "no free region"),
-    ],
-)
-def test_bad_arguments(change: dict[str, object], message: str) -> None:
-    arguments: dict[str, object] = {"world": WORLD, "poses": 5, "sensor": RangeBearing(0.1, 0.1)}
-    with pytest.raises(TrailmarkError, match=message):
-        sense_obstacles(**(arguments | change))  # type: ignore[arg-type]  # one value is wrong on purpose

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -90,21 +89,6 @@ def test_without_noise_dead_reckoning_leads_along_the_truth(motion: Any) -> None
             off = (x - record.x, y - record.y, math.remainder(theta - record.theta, 2 * math.pi))
             assert np.abs(off).max() < 1e-5
     assert np.abs(simulation.truth[-1, 1:3] - (2.0, 2.0)).max() < 1e-5
-
-
-@pytest.mark.slow
-def test_records_come_by_time_and_kind() -> None:
-    order = (Increment, Odometry, Pose, Detection, Scan)
-    for motion in (Unicycle(0.1, 0.1), PoseIncrement(0.1, 0.1, 0.1)):
-        log = simulate(YARD, WAY, motion, detector=Detector(SENSOR), scanner=Scanner(), random_state=0).log
-        keys = [(r.t, order.index(type(r))) for r in log.records]
-        assert keys == sorted(keys)
-        count = Counter(type(r) for r in log.records)
-        assert count[Odometry if isinstance(motion, Unicycle) else Increment] > 100
-        # Every sweep falls on a time at which the odometry, too, says where the robot is.
-        seen = {r.t for r in log.records if isinstance(r, Scan | Detection)}
-        assert seen <= {r.t for r in log.records if isinstance(r, Pose)}
-        assert np.abs(np.diff(sorted({r.t for r in log.records if isinstance(r, Scan)})) - 0.5).max() < 1e-9
 
 
 @pytest.mark.slow
@@ -235,34 +219,6 @@ def test_scans_against_shapely() -> None:
     assert missed > 3
 
 
-def test_the_scanners_noise_and_lost_readings() -> None:
-    world = World(
-        "box", (-5, -5, 5, 5), boundary=Polygon(np.array([[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]]))
-    )
-    scanner = Scanner(beams=360, field_of_view=2 * math.pi, sigma=0.02, drop_out=0.1, period=0.1)
-    still = [[0.0, 0.0, 0.0], [0.0, 0.0, 1e-3]]
-    log = simulate(world, still, Unicycle(0.0, 0.0), scanner=scanner, turn_rate=5e-4, random_state=5).log
-    ranges = np.array([r.ranges for r in log.records if isinstance(r, Scan)])
-    assert ranges.shape == (21, 360)
-    lost = np.isnan(ranges)
-    assert abs(lost.mean() - 0.1) < 0.02
-    angles = scanner.angle_min + scanner.angle_increment * np.arange(360)
-    assert scanner.angle_increment == pytest.approx(2 * math.pi / 360)
-    # The first scan stands square in the room.
-    expected = 3.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
-    errors = (ranges[0] - expected)[~lost[0]] / 0.02
-    assert stats.kstest(errors, "norm").pvalue > 1e-3
-
-
-def test_bounds_can_be_seen_through() -> None:
-    world = World("open", (0.0, 0.0, 4.0, 4.0))
-    for bounds, expected in ((True, 2.0), (False, math.inf)):
-        scanner = Scanner(beams=1, sigma=0.0, bounds=bounds)
-        log = simulate(world, [[2, 2, 0]], Unicycle(0, 0), scanner=scanner, random_state=0).log
-        scan = next(r for r in log.records if isinstance(r, Scan))
-        assert scan.ranges.tolist() == pytest.approx([expected])
-
-
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_log_and_sensors_do_not_disturb_each_other(tmp_path: Path) -> None:
     full = {"detector": Detector(SENSOR), "scanner": Scanner(drop_out=0.1)}
@@ -311,33 +267,3 @@ def test_a_scanner_inside_an_obstacle() -> None:
         match=r"states: the scanner's path leads through obstacles\[0\] near \(4\.05, 2\)",
     ):
         simulate(world, [[1.0, 2.0], [3.9, 2.0]], Unicycle(0.0, 0.0), scanner=Scanner(mount=(0.4, 0.0, 0.0)), speed=0.1)
-
-
-@pytest.mark.parametrize(
-    ("make", "problem"),
-    [
-        (lambda: Detector(SENSOR, max_range=0.0), r"Detector: max_range: expected .*, got 0.0"),
-        (
-            lambda: Detector(SENSOR, field_of_view=7.0),
-            r"Detector: field_of_view: expected radians above 0, at most a full turn, got 7.0",
-        ),
-        (
-            lambda: Detector(SENSOR, detection_rate=1.1),
-            r"detection_rate: expected a number from 0 to 1, got 1.1",
-        ),
-        (lambda: Detector(SENSOR, false_alarms=-1.0), r"false_alarms: expected .*, got -1.0"),
-        (lambda: Detector(SENSOR, max_radius=0.0), r"Detector: max_radius: expected a number above 0, got 0\.0"),
-        (lambda: Detector(SENSOR, period=math.nan), r"Detector: period: expected a finite number above 0, got nan"),
-        (lambda: Scanner(beams=0), r"Scanner: beams: expected a whole number of 1 or more, got 0"),
-        (lambda: Scanner(sigma=-0.1), r"Scanner: sigma: expected a finite number of 0 or more, got -0\.1"),
-        (lambda: Scanner(drop_out=math.inf), r"Scanner: drop_out: expected a number from 0 to 1, got inf"),
-        (lambda: Scanner(mount=(0.0, math.nan, 0.0)), "Scanner: mount"),
-        (
-            lambda: simulate(YARD, WAY, Unicycle(0.0, 0.0), period=0.0),
-            r"period: expected .*, got 0\.0",
-        ),
-    ],
-)
-def test_misuse(make: Any, problem: str) -> None:
-    with pytest.raises(EstimationError, match=problem):
-        make()

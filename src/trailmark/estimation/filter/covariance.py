@@ -10,7 +10,7 @@ from trailmark.arguments import number_array
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 
-__all__ = ["checked_covariance", "draw_noise", "subtract_square"]
+__all__ = ["checked_covariance", "draw_noise", "is_covariance", "subtract_square"]
 
 
 def checked_covariance(value: ArrayLike, size: int, name: str) -> FloatArray:
@@ -30,6 +30,15 @@ def checked_covariance(value: ArrayLike, size: int, name: str) -> FloatArray:
     if wrong:
         raise EstimationError(f"{name}: expected a symmetric, positive semidefinite covariance, got {P.tolist()}")
     return symmetric
+
+
+def is_covariance(value: ArrayLike, size: int) -> bool:
+    """Return whether a value is a covariance of shape (size, size)."""
+    try:
+        checked_covariance(value, size, "")
+    except EstimationError:
+        return False
+    return True
 
 
 def draw_noise(covariance: FloatArray, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:

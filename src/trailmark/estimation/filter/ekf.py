@@ -4,7 +4,7 @@
 The state is x = [pose, feature, feature, …]. A motion changes the pose alone, and a reading depends on the pose and on
 one feature: a prediction costs O(n) and an update O(n²), where filterpy's own dense update costs O(n³). The method
 is that of Thrun, Burgard & Fox 2005, Probabilistic Robotics, section 10.2, with the error of
-:mod:`trailmark.estimation.filter.invariance` and with updates that are iterated where h is not straight enough
+:mod:`trailmark.estimation.filter.gain` and with updates that are iterated where h is not straight enough
 (Bell & Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method). What a linearised h still
 misses may count as noise of the reading: the second-order term of Bar-Shalom, Li & Kirubarajan 2001, Estimation with
 Applications to Tracking and Navigation, section 10.3.
@@ -22,16 +22,25 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark.arguments import number_array
 from trailmark.checked import Count, NonNegative, checked, checked_arguments
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.filter import invariance
-from trailmark.estimation.filter.covariance import checked_covariance, subtract_square
-from trailmark.estimation.filter.gain import Gain, Innovation, Prediction, SparseJacobian, correct_part, gain_of
+from trailmark.estimation.filter.covariance import checked_covariance
+from trailmark.estimation.filter.gain import (
+    Gain,
+    Innovation,
+    Prediction,
+    SparseJacobian,
+    carried,
+    correct_covariance,
+    correct_features,
+    gain_of,
+    moved,
+    turned,
+)
 from trailmark.estimation.filter.motion import MotionModel
-from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.filter.sensors import SensorModel
 from trailmark.estimation.filter.state import Mode, SlamState, checked_pose
-from trailmark.estimation.slam.slam_settings import ErrorForm
-from trailmark.se2 import FloatArray, wrap
+from trailmark.se2 import FloatArray
 
-__all__ = ["ErrorForm", "Innovation", "Mode", "Prediction", "SlamFilter"]
+__all__ = ["Innovation", "Mode", "Prediction", "SlamFilter"]
 
 STRAIGHT = 0.03
 """Standard deviations of a reading: an update whose linearisation was off by less is not iterated."""
@@ -45,8 +54,6 @@ class SlamFilter(SlamState):
 
     Modes:
         slam: pose and features are estimated together.
-        localisation: the map is known and stays as it is; its features' covariances (0 for a map known exactly) and
-            their correlations with the pose are accounted for, as in Schmidt's consider filter.
         mapping: each pose is given (:meth:`set_pose`) and stays as it is, with the covariance given for it.
 
     Of filterpy's attributes x (shape (n,)), P, z, y, S, K, the likelihoods and ``mahalanobis`` are kept; the copies
@@ -56,13 +63,11 @@ class SlamFilter(SlamState):
         pose: x, y, theta to begin with; metres and radians.
         P: its covariance, shape (3, 3); None for a pose that is certain.
         mode: one of the above.
-        error: in mode "slam", "invariant" keeps unknown what no reading reveals (points only: lines are corrected as
-            with "additive"), "additive" is the filter of the books.
         iterations: in mode "slam", how often at most an update is linearised anew, at what it gave the last time.
         curvature: by what the mean square of what a linearised reading misses is multiplied, to count as its noise.
 
     Raises:
-        EstimationError: an unknown mode or error, no iteration, a covariance that is not symmetric positive
+        EstimationError: an unknown mode, no iteration, a covariance that is not symmetric positive
             semidefinite.
     """
 
@@ -73,13 +78,11 @@ class SlamFilter(SlamState):
         P: ArrayLike | None = None,
         mode: Mode = "slam",
         *,
-        error: ErrorForm = "invariant",
         iterations: Count = 1,
         curvature: NonNegative = 0.0,
     ) -> None:
         super().__init__(pose, P)
         self.mode = mode
-        self.error: ErrorForm = error
         self.iterations = iterations
         self.curvature = curvature
 
@@ -131,11 +134,11 @@ class SlamFilter(SlamState):
 
         Args:
             sensor: the model.
-            ids: which features; None for all of the sensor's kind.
+            ids: which features; None for all.
         """
         checked(sensor, SensorModel, "predict_readings: sensor", EstimationError)
         if ids is None:
-            ids = [i for i, kind in self._kinds.items() if kind == sensor.feature_kind]
+            ids = list(self._places)
         at = self.places(sensor, ids)
         x, l = np.broadcast_to(self.pose, (len(at), 3)), self.x[at]  # noqa: E741 # features
         (z_hat, H_pose, H_feature), R = sensor.linearised(x, l), sensor.noise(x, l)
@@ -199,7 +202,7 @@ class SlamFilter(SlamState):
         if self.mode == "slam":
             gain = self._correct(gain, readings, sensor, noise)
         else:
-            self.x = correct_part(self.x, self.P, gain, self.mode)
+            self.x = correct_features(self.x, self.P, gain)
         self.z, self.y, self.S, self.K = readings, innovation.y, innovation.S, gain.W @ gain.L_inverse
         self._log_likelihood = self._likelihood = None
         self._mahalanobis = math.sqrt(innovation.nis)
@@ -221,12 +224,11 @@ class SlamFilter(SlamState):
             drop: the other id.
 
         Raises:
-            EstimationError: features that are no points, or one and the same; a mode other than "slam".
+            EstimationError: no such features, one and the same; a mode other than "slam".
         """
-        kinds = self.kind(keep), self.kind(drop)
-        if self.mode != "slam" or keep == drop or kinds != ("point", "point"):
-            raise EstimationError(f"merge_features: expected two points, in mode 'slam', got {keep!r}, {drop!r}")
         one, other = self._place(keep), self._place(drop)
+        if self.mode != "slam" or one == other:
+            raise EstimationError(f"merge_features: expected two points, in mode 'slam', got {keep!r}, {drop!r}")
         PHT = self.P[:, one] - self.P[:, other]
         D = PHT[one] - PHT[other]
         # A tenth of a millimetre: the difference of two features may be certain already.
@@ -256,17 +258,10 @@ class SlamFilter(SlamState):
 
     def _correct_covariance(self, W: FloatArray, before: FloatArray) -> None:
         """Take W Wᵀ from P, which is then for the estimate as it is now."""
-        if self.error == "invariant":
-            invariance.correct_covariance(self.P, W, invariance.carried(before, self.x, self.points))
-        else:
-            subtract_square(self.P, W, 0)
+        correct_covariance(self.P, W, carried(before, self.x, self.points))
 
     def _moved(self, x: FloatArray, step: FloatArray) -> FloatArray:
-        if self.error == "invariant":
-            return invariance.moved(x, step, self.points)
-        after = x + step
-        after[2] = wrap(float(after[2]))
-        return np.asarray(after)
+        return moved(x, step, self.points)
 
     def _gain(
         self,
@@ -283,8 +278,7 @@ class SlamFilter(SlamState):
         H = SparseJacobian(H_pose, H_feature, at)
         y = sensor.residual(readings, z_hat).reshape(-1)
         if x is not None and step is not None:
-            if self.error == "invariant":
-                H = invariance.turned(H, invariance.carried(self.x, x, self.points))
+            H = turned(H, carried(self.x, x, self.points))
             y = y + H.times_vector(step)
         return gain_of(self.P, H, y, noise, lambda C: self.curvature * sensor.curvature(z_hat, C))
 

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,18 @@ from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import subtract_square
 from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Gain", "Innovation", "Prediction", "SparseJacobian", "correct_part", "gain_of"]
+__all__ = [
+    "Gain",
+    "Innovation",
+    "Prediction",
+    "SparseJacobian",
+    "carried",
+    "correct_covariance",
+    "correct_features",
+    "gain_of",
+    "moved",
+    "turned",
+]
 
 
 class Innovation(NamedTuple):
@@ -135,23 +147,68 @@ def gain_of(
     return Gain(H, y, S, W, L_inverse, W @ scaled, float(scaled @ scaled))
 
 
-def correct_part(x: FloatArray, P: FloatArray, gain: Gain, mode: Literal["localisation", "mapping"]) -> FloatArray:
-    """Return the state with only its pose ("localisation") or only its features ("mapping") corrected, shape (n,).
+def correct_features(x: FloatArray, P: FloatArray, gain: Gain) -> FloatArray:
+    """Return the state with only its features corrected, shape (n,), for a pose that is given.
 
-    P is changed in place to what it is without the other part's gain: the errors of what is given still count
-    (Schmidt's consider filter).
+    P is changed in place to what it is without the pose's gain: the errors of what is given still count (Schmidt's
+    consider filter).
     """
     W, step, pose, features = gain.W, gain.step.copy(), slice(0, 3), slice(3, None)
-    if mode == "localisation":
-        step[features] = 0.0
-        P[pose] -= W[pose] @ W.T
-        P[pose, pose] = 0.5 * (P[pose, pose] + P[pose, pose].T)
-        P[features, pose] = P[pose, features].T
-    else:
-        step[pose] = 0.0
-        P[pose, features] -= W[pose] @ W[features].T
-        P[features, pose] = P[pose, features].T
-        subtract_square(P, W, 3)
+    step[pose] = 0.0
+    P[pose, features] -= W[pose] @ W[features].T
+    P[features, pose] = P[pose, features].T
+    subtract_square(P, W, 3)
+    return np.asarray(x + step)
+
+
+def moved(x: FloatArray, step: FloatArray, points: NDArray[np.intp]) -> FloatArray:
+    """Return the state after a correction, exp(ξ) x, shape (n,).
+
+    In the usual error, δ = (δ_p, δ_θ, δ_l, …), the exponential is p + V(δ_θ) δ_p for each point and addition for the
+    rest, with V(θ) = [sin θ, cos θ − 1; 1 − cos θ, sin θ]/θ.
+
+    Args:
+        x: the state, shape (n,).
+        step: the correction δ, shape (n,).
+        points: where x and y of robot and points stand in the state, shape (k, 2).
+    """
     after = x + step
+    turn = float(step[2])
+    if abs(turn) > 1e-12:
+        s, c = math.sin(turn) / turn, (1.0 - math.cos(turn)) / turn
+        after[points] = x[points] + step[points] @ np.array([[s, c], [-c, s]])
     after[2] = wrap(float(after[2]))
     return np.asarray(after)
+
+
+def carried(before: FloatArray, after: FloatArray, points: NDArray[np.intp]) -> FloatArray:
+    """Return a = J Δ, shape (n,): how the usual error at one estimate follows from that at another, e' = e + a e_θ."""
+    a = np.zeros(len(before))
+    delta = after[points] - before[points]
+    a[points[:, 0]], a[points[:, 1]] = -delta[:, 1], delta[:, 0]
+    return a
+
+
+def turned(H: SparseJacobian, a: FloatArray) -> SparseJacobian:
+    """Return H, evaluated at another estimate than P's, for the error at P's estimate: H (I + a e_θᵀ)."""
+    pose = H.pose.copy()
+    pose[..., 2] += H.pose @ a[:3] + (H.feature @ a[H.at][..., None])[..., 0]
+    return H._replace(pose=pose)
+
+
+def correct_covariance(P: FloatArray, W: FloatArray, a: FloatArray) -> None:
+    """Set P to (I + a e_θᵀ) (P − W Wᵀ) (I + a e_θᵀ)ᵀ in place; O(n²), symmetric to the bit.
+
+    With p the column of the heading and b = p + a P_θθ/2 the change by a is a bᵀ + b aᵀ: half the difference of the
+    squares of s a + b/s and of s a − b/s; s makes the two equally long, so that little cancels out.
+    """
+    p = P[:, 2] - W @ W[2]
+    b = p + 0.5 * p[2] * a
+    long_a, long_b = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    if long_a * long_b == 0.0:
+        subtract_square(P, W, 0)
+        return
+    s = math.sqrt(long_b / long_a)
+    one, other = math.sqrt(0.5) * s * a, math.sqrt(0.5) / s * b
+    subtract_square(P, np.column_stack([W, one - other]), 0)
+    P += np.multiply.outer(one + other, one + other)

@@ -1,5 +1,5 @@
 # ruff: noqa: E741, N802, N803, N806 # the names are the filter's own symbols: x, z, l, h, H, V, R
-"""Sensor models: range and bearing, points, lines.
+"""Sensor models: range and bearing, or x and y, of points.
 
 Range and bearing, and the inverse that starts a feature from its first reading, are those of Thrun, Burgard & Fox
 2005, Probabilistic Robotics, sections 6.6 and 10.2.
@@ -9,17 +9,105 @@ from __future__ import annotations
 
 from dataclasses import astuple, dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.checked import NonNegative, Positive, checked_fields
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.filter.sensor_model import Inverse, Linearised, SensorModel
+from trailmark.estimation.filter.covariance import draw_noise
 from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Cartesian", "LinePolar", "RangeBearing"]
+__all__ = ["Cartesian", "Inverse", "Linearised", "RangeBearing", "SensorModel"]
+
+
+class Inverse(NamedTuple):
+    """A feature as one reading shows it, and how it depends on pose and reading."""
+
+    feature: FloatArray
+    """l, shape (..., d)."""
+    G_pose: FloatArray
+    """∂l/∂x, shape (..., d, 3)."""
+    G_z: FloatArray
+    """∂l/∂z, shape (..., d, m)."""
+
+
+class Linearised(NamedTuple):
+    """The readings of features, and how they depend on pose and features."""
+
+    z_hat: FloatArray
+    """h(x, l, 0), shape (..., m)."""
+    H_pose: FloatArray
+    """∂h/∂x, shape (..., m, 3)."""
+    H_feature: FloatArray
+    """∂h/∂l, shape (..., m, d)."""
+
+
+@runtime_checkable
+class SensorModel(Protocol):
+    """A sensor that reads m numbers of a feature of d numbers, with noise of as many as R has rows.
+
+    Subclass it, with either :meth:`linearised` or H_pose and H_feature, to get the others.
+    """
+
+    feature_dim: ClassVar[int]
+    """d."""
+    reading_dim: ClassVar[int]
+    """m."""
+
+    @property
+    def R(self) -> FloatArray:
+        """Covariance of v, shape (q, q)."""
+        ...
+
+    def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
+        """Return the reading, shape (..., m), of features (..., d) from poses (..., 3); v None stands for 0."""
+        ...
+
+    def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂h/∂x at v = 0, shape (..., m, 3)."""
+        return self.linearised(x, l).H_pose
+
+    def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂h/∂l at v = 0, shape (..., m, d)."""
+        return self.linearised(x, l).H_feature
+
+    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂h/∂v at v = 0, shape (..., m, q)."""
+        ...
+
+    def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
+        """Return the feature l for which h(x, l, 0) = z, and its Jacobians."""
+        ...
+
+    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
+        """Return z − ẑ, shape (..., m), angles going the shorter way round."""
+        ...
+
+    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
+        """Return h, H_pose and H_feature together, as a filter needs them at each update."""
+        return Linearised(self.h(x, l), self.H_pose(x, l), self.H_feature(x, l))
+
+    def noise(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return the covariance of a reading about its true value, V R Vᵀ, shape (..., m, m)."""
+        V = self.V(x, l)
+        return np.asarray(V @ self.R @ np.swapaxes(V, -1, -2))
+
+    def curvature(self, z_hat: FloatArray, C: FloatArray) -> FloatArray:
+        """Return the mean square of what a linearised h misses, shape (..., m, m): none, unless overridden.
+
+        Args:
+            z_hat: readings, shape (..., m).
+            C: their covariance by that of pose and feature, H P Hᵀ, shape (..., m, m).
+        """
+        return np.zeros_like(C)
+
+    def sample(self, x: ArrayLike, l: ArrayLike, rng: np.random.Generator) -> FloatArray:
+        """Return simulated readings, shape (..., m): h with v drawn anew from N(0, R) for each."""
+        shape = np.broadcast_shapes(np.shape(x)[:-1], np.shape(l)[:-1])
+        return self.h(x, l, draw_noise(self.R, shape, rng))
+
 
 NEAREST = 1e-9
 """Metres: a feature nearer than this has no bearing that could be differentiated; it counts as this far away."""
@@ -28,7 +116,6 @@ NEAREST = 1e-9
 class _TwoNumbers(SensorModel):
     """Readings of two numbers of a feature that has two, each with its own noise: the dataclass's first two fields."""
 
-    feature_kind: ClassVar[str] = "point"
     feature_dim: ClassVar[int] = 2
     reading_dim: ClassVar[int] = 2
 
@@ -162,90 +249,6 @@ class Cartesian(_TwoNumbers):
     def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
         """Return z − ẑ, shape (..., 2)."""
         return np.asarray(z, dtype=np.float64) - np.asarray(z_hat, dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class LinePolar(_TwoNumbers):
-    """An infinite line by its foot point: l = (ρ, α) is the line {p : p·(cos α, sin α) = ρ} of the world.
-
-    z is the same line in the robot's frame. A line has two names, (ρ, α) and (−ρ, α + π): readings carry the one
-    with ρ >= 0 and α in (−π, π]; a feature may carry either (an update can take ρ through 0), and
-    :meth:`canonical` returns the first. The model of Siegwart, Nourbakhsh & Scaramuzza 2011, Introduction to
-    Autonomous Mobile Robots, chapter 5.
-
-    Attributes:
-        sigma_rho: standard deviation of the line's distance, metres.
-        sigma_alpha: standard deviation of its normal's direction, radians.
-
-    Raises:
-        EstimationError: a deviation that is not positive.
-    """
-
-    feature_kind: ClassVar[str] = "line"
-
-    sigma_rho: Positive
-    sigma_alpha: Positive
-
-    def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
-        """Return (ρ, α) in the robot's frame, shape (..., 2), ρ >= 0."""
-        z, _ = self._seen(x, l)
-        return z if v is None else self.canonical(z + np.asarray(v, dtype=np.float64))
-
-    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
-        """Return (ρ, α) with ∂/∂(x, y, θ) (..., 2, 3) and ∂/∂(ρ, α) (..., 2, 2)."""
-        z, sign = self._seen(x, l)
-        pose, alpha = np.asarray(x, dtype=np.float64), np.asarray(l, dtype=np.float64)[..., 1]
-        cos, sin = np.cos(alpha), np.sin(alpha)
-        H_pose, H_feature = np.zeros((*sign.shape, 2, 3)), np.zeros((*sign.shape, 2, 2))
-        H_pose[..., 0, 0], H_pose[..., 0, 1], H_pose[..., 1, 2] = -sign * cos, -sign * sin, -1.0
-        H_feature[..., 0, 0], H_feature[..., 1, 1] = sign, 1.0
-        H_feature[..., 0, 1] = sign * (pose[..., 0] * sin - pose[..., 1] * cos)
-        return Linearised(z, H_pose, H_feature)
-
-    def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
-        """Return the line in the world, shape (..., 2), ρ >= 0, with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
-        pose, reading = np.broadcast_arrays(np.asarray(x, dtype=np.float64)[..., :3], _padded(z))
-        alpha = reading[..., 1] + pose[..., 2]
-        cos, sin = np.cos(alpha), np.sin(alpha)
-        rho = reading[..., 0] + pose[..., 0] * cos + pose[..., 1] * sin
-        sign = np.where(rho < 0.0, -1.0, 1.0)
-        lean = sign * (pose[..., 1] * cos - pose[..., 0] * sin)
-        G_pose, G_z = np.zeros((*rho.shape, 2, 3)), np.zeros((*rho.shape, 2, 2))
-        G_pose[..., 0, 0], G_pose[..., 0, 1], G_pose[..., 0, 2] = sign * cos, sign * sin, lean
-        G_z[..., 0, 0], G_z[..., 0, 1] = sign, lean
-        G_pose[..., 1, 2] = G_z[..., 1, 1] = 1.0
-        return Inverse(self.canonical(np.stack([rho, alpha], axis=-1)), G_pose, G_z)
-
-    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
-        """Return z − ẑ, shape (..., 2), z by that of its two names whose normal points more like ẑ's.
-
-        A line close to the robot may be read with its normal the other way round; the two readings then differ by
-        the sum of their distances and a small angle, not by half a turn.
-        """
-        reading, predicted = np.asarray(z, dtype=np.float64), np.asarray(z_hat, dtype=np.float64)
-        turn = np.asarray(wrap(reading[..., 1] - predicted[..., 1]))
-        other = np.abs(turn) > np.pi / 2
-        rho = np.where(other, -reading[..., 0], reading[..., 0]) - predicted[..., 0]
-        return np.stack([rho, np.asarray(wrap(np.where(other, turn + np.pi, turn)))], axis=-1)
-
-    @staticmethod
-    def canonical(l: ArrayLike) -> FloatArray:
-        """Return the line's name with ρ >= 0 and α in (−π, π], shape (..., 2).
-
-        Where that is the other name, the covariance of ρ and α changes its sign.
-        """
-        line = np.array(l, dtype=np.float64)
-        line[..., 1] = wrap(np.where(line[..., 0] < 0.0, line[..., 1] + np.pi, line[..., 1]))
-        line[..., 0] = np.abs(line[..., 0])
-        return line
-
-    def _seen(self, x: ArrayLike, l: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the reading and the sign, shape (...), that made its distance positive."""
-        pose, line = np.asarray(x, dtype=np.float64), np.asarray(l, dtype=np.float64)
-        alpha = line[..., 1]
-        rho = line[..., 0] - pose[..., 0] * np.cos(alpha) - pose[..., 1] * np.sin(alpha)
-        z = np.stack(np.broadcast_arrays(rho, alpha - pose[..., 2]), axis=-1)
-        return self.canonical(z), np.where(rho < 0.0, -1.0, 1.0)
 
 
 def _offset(x: ArrayLike, l: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:

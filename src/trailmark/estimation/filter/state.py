@@ -15,14 +15,14 @@ from trailmark.arguments import brief, number_array
 from trailmark.checked import checked, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import checked_covariance
-from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.filter.sensors import SensorModel
 from trailmark.se2 import FloatArray, configurations
 
 __all__ = ["Mode", "SlamState", "checked_pose"]
 
 
-Mode = Literal["slam", "localisation", "mapping"]
-"""What an update may change: pose and features, the pose alone, or the features alone."""
+Mode = Literal["slam", "mapping"]
+"""What an update may change: pose and features, or the features alone."""
 
 
 class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships no type information
@@ -47,7 +47,6 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
         self.P = np.zeros((3, 3)) if P is None else checked_covariance(P, 3, "pose")
         self.x_prior = self.P_prior = self.x_post = self.P_post = None
         self._places: dict[int, slice] = {}
-        self._kinds: dict[int, str] = {}
         self._points: NDArray[np.intp] | None = None
         self._next_id = 0
 
@@ -75,11 +74,6 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
         place = self._place(feature_id)
         return self.P[place, place].copy()
 
-    def kind(self, feature_id: int) -> str:
-        """Return what a feature is: the kind of the sensors that see it."""
-        self._place(feature_id)
-        return self._kinds[feature_id]
-
     def add_feature(self, z: ArrayLike, sensor: SensorModel, R: ArrayLike | None = None) -> int:
         """Add the feature that a reading shows, with the correlations that the pose gives it; return its id; O(n²).
 
@@ -89,10 +83,8 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
             R: covariance of z itself, shape (m, m), where the log states one; None for the sensor's V R Vᵀ.
 
         Raises:
-            EstimationError: in mode "localisation", whose map is known; a reading that is not finite.
+            EstimationError: a reading that is not finite.
         """
-        if self.mode == "localisation":
-            raise EstimationError("add_feature: expected add_known_feature, since mode 'localisation' knows the map")
         checked(sensor, SensorModel, "add_feature: sensor", EstimationError)
         reading = number_array(z, "reading", error=EstimationError)
         if reading.shape != (sensor.reading_dim,) or not np.isfinite(reading).all():
@@ -101,29 +93,26 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
         noise = sensor.noise(self.pose, l) if R is None else checked_covariance(R, sensor.reading_dim, "reading")
         noise = noise + self.curvature * sensor.curvature(reading, noise)
         block = G_pose @ self.P[:3, :3] @ G_pose.T + G_z @ noise @ G_z.T
-        return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3], sensor.feature_kind)
+        return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3])
 
     @checked_arguments(EstimationError)
-    def add_known_feature(
-        self, feature: Annotated[ArrayLike, shaped(None)], P: ArrayLike | None = None, *, kind: str = "point"
-    ) -> int:
+    def add_known_feature(self, feature: Annotated[ArrayLike, shaped(2)], P: ArrayLike | None = None) -> int:
         """Add a feature of a known map, uncorrelated with the rest; return its id.
 
         Args:
-            feature: shape (d,).
-            P: its covariance, shape (d, d); None for one that is certain.
-            kind: "point" or "line", as the sensors that see it have it.
+            feature: shape (2,).
+            P: its covariance, shape (2, 2); None for one that is certain.
         """
         l = np.asarray(feature)  # noqa: E741 # a feature
         block = np.zeros((len(l), len(l))) if P is None else checked_covariance(P, len(l), "feature")
-        return self._append(l, block, np.zeros((len(l), len(self.x))), kind)
+        return self._append(l, block, np.zeros((len(l), len(self.x))))
 
     def remove_feature(self, feature_id: int) -> None:
         """Take a feature out of the state: exact, since the rest of a Gaussian stays what it was."""
         gone = self._place(feature_id)
         keep = np.r_[0 : gone.start, gone.stop : len(self.x)]
         self.x, self.P = self.x[keep], self.P[np.ix_(keep, keep)]
-        del self._places[feature_id], self._kinds[feature_id]
+        del self._places[feature_id]
         d = gone.stop - gone.start
         for other, place in self._places.items():
             if place.start > gone.start:
@@ -132,9 +121,9 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
 
     @property
     def points(self) -> NDArray[np.intp]:
-        """Where x and y of the robot and of each feature that is a point stand in the state, shape (k, 2)."""
+        """Where x and y of the robot and of each feature stand in the state, shape (k, 2)."""
         if self._points is None:
-            starts = [0, *(place.start for i, place in self._places.items() if self._kinds[i] == "point")]
+            starts = [0, *(place.start for place in self._places.values())]
             self._points = np.array(starts, dtype=np.intp)[:, None] + np.arange(2)
         return self._points
 
@@ -159,32 +148,30 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
             EstimationError: what of this is wrong.
         """
         checked(sensor, SensorModel, "update: sensor", EstimationError)
-        kinds = [self.kind(i) for i in checked(ids, Sequence[Any], "update: ids", EstimationError)]
-        readings, k, m = number_array(z, "readings", error=EstimationError), len(kinds), sensor.reading_dim
+        places = self.places(sensor, checked(ids, Sequence[Any], "update: ids", EstimationError))
+        readings, k, m = number_array(z, "readings", error=EstimationError), len(places), sensor.reading_dim
         if readings.shape != (k, m) or not np.isfinite(readings).all():
             raise EstimationError(f"readings: expected {k} times {m} finite numbers, got {readings.tolist()}")
         if len(set(ids)) < k:
             raise EstimationError("update: expected one reading of each feature, got two of one at once")
-        if any(kind != sensor.feature_kind for kind in kinds):
-            raise EstimationError(f"update: expected features of kind {sensor.feature_kind}, got another kind")
         stated = [None] * k if R is None else checked(R, Sequence[Any], "update: R", EstimationError)
         if len(stated) != k:
             raise EstimationError(f"update: expected {k} covariances, one for each reading, got {len(stated)}")
         noise = np.empty((k, m, m))
         if any(covariance is None for covariance in stated):
-            noise[:] = sensor.noise(self.pose, self.x[self.places(sensor, ids)])
+            noise[:] = sensor.noise(self.pose, self.x[places])
         for i, covariance in enumerate(stated):
             if covariance is not None:
                 noise[i] = checked_covariance(covariance, m, "reading")
         return readings, noise
 
-    def _append(self, feature: FloatArray, block: FloatArray, cross: FloatArray, kind: str) -> int:
+    def _append(self, feature: FloatArray, block: FloatArray, cross: FloatArray) -> int:
         n, d = len(self.x), len(feature)
         P = np.empty((n + d, n + d))
         P[:n, :n], P[n:, :n], P[:n, n:], P[n:, n:] = self.P, cross, cross.T, block
         self.x, self.P, self.dim_x = np.concatenate([self.x, feature]), P, n + d
         feature_id, self._next_id = self._next_id, self._next_id + 1
-        self._places[feature_id], self._kinds[feature_id] = slice(n, n + d), kind
+        self._places[feature_id] = slice(n, n + d)
         self._points = None
         return feature_id
 

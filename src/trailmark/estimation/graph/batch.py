@@ -8,21 +8,83 @@ SIAM Journal on Numerical Analysis 10(2)), and the noise is what the residuals s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.estimate import Estimate, IntArray, NoiseModel
-from trailmark.estimation.graph.fit_settings import FitSettings
-from trailmark.estimation.graph.noise import correlation_time, updated_variances
-from trailmark.estimation.graph.odometry import Motions, OdometryCalibration, OdometryTrack
-from trailmark.estimation.graph.readings import Readings, SensorCalibration
+from trailmark.estimation.graph.odometry import Motions, OdometryCalibration, OdometryTrack, Readings, SensorCalibration
 from trailmark.estimation.graph.smoother import Smoother, Solution
 from trailmark.se2 import FloatArray
 
-__all__ = ["Batch"]
+__all__ = ["GATE", "Batch", "correlation_time", "updated_variances"]
+
+
+SMALLEST = 1e-12
+"""The least variance, so that a source that shows no noise can come back."""
+
+
+def updated_variances(
+    variances: FloatArray, components: FloatArray, roots: FloatArray, left: FloatArray, redundancy: FloatArray
+) -> FloatArray:
+    """Return better variances of the sources of noise, shape (k,).
+
+    Args:
+        variances: those that the estimate was made with, shape (k,).
+        components: covariance of each of n residuals for a variance of one of each source, shape (n, k, d, d).
+        roots: what whitened the residuals, shape (n, d, d).
+        left: the whitened residuals, shape (n, d).
+        redundancy: share of the noise that each still shows, shape (n, d).
+    """
+    V = np.einsum("nij,nkjl,nml->nkim", roots, components, roots)
+    shown = np.einsum("ni,nkij,nj->k", left, V, left)
+    expected = np.einsum("nkii,ni->k", V, redundancy)
+    ratio = np.where(expected > 0.0, shown / np.where(expected > 0.0, expected, 1.0), 1.0)
+    return np.asarray(np.maximum(variances * ratio, SMALLEST))
+
+
+def correlation_time(sequences: Iterable[FloatArray], longest: int = 200) -> float:
+    """Return τ >= 1: how many successive residuals are worth one that is independent of the others.
+
+    Args:
+        sequences: of residuals in the order of time, each of one feature or of one axis.
+        longest: lag, in residuals.
+    """
+    products, counts, square, size = np.zeros(longest + 1), np.zeros(longest + 1), 0.0, 0
+    for sequence in sequences:
+        n = len(sequence)
+        square, size = square + float(sequence @ sequence), size + n
+        for lag in range(1, min(longest, n - 1) + 1):
+            products[lag] += sequence[lag:] @ sequence[:-lag]
+            counts[lag] += n - lag
+    if size == 0 or square == 0.0:
+        return 1.0
+    tau = 1.0
+    for lag in range(1, longest + 1):
+        if counts[lag] < 0.1 * size:
+            break
+        rho = products[lag] / counts[lag] / (square / size)
+        if rho <= 0.0:
+            break
+        tau += 2.0 * rho
+    return tau
+
+
+ROUNDS = 8
+"""How often at most poses, calibration and noise are estimated in turns: mostly four or five settle them."""
+
+GATE = 0.9999
+"""Probability that a good reading passes: of ten thousand one is left out wrongly, a misread one nearly always."""
+
+EXPECTED = np.array([0.2, 0.2, 0.1, 0.05, 0.3, 0.1, 0.5])
+"""Standard deviations of the errors that instruments are expected to have before anything is known of the log:
+of the scale of distances and of turns, as slip, inertia and an uncertain wheelbase leave it; radians for each metre
+(wheels that differ by 3 % on a base of 0.3 m turn a robot by 0.1); radians between the sensor's axis and the direction
+of driving (a mount is 3 degrees off); seconds from an odometry record to the motion (transport, inertia); of a range's
+relative error that grows with the bearing, by each radian, and with its square: a camera that takes depth for range has
+−0.5."""
 
 LOST = 4.0
 """Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out."""
@@ -43,7 +105,6 @@ class Batch:
         readings: as they were read.
         instants: of the poses, shape (n,), ascending.
         motion_variances: of the odometry's sources of noise, as stated, shape (k,).
-        settings: what is expected of instruments.
     """
 
     def __init__(
@@ -52,9 +113,8 @@ class Batch:
         readings: Readings,
         instants: FloatArray,
         motion_variances: FloatArray,
-        settings: FitSettings,
     ) -> None:
-        self.instants, self.raw, self.settings = instants, readings, settings
+        self.instants, self.raw = instants, readings
         self.track, self.rng = track, np.random.default_rng(0)
         bearing = readings.z[:, 1]
         middle = (float(bearing.mean()), float((bearing**2).mean()))
@@ -105,7 +165,7 @@ class Batch:
         if len(guesses) == 1:
             return guesses[0]
         motions = self.motions()
-        smoother = Smoother(motions.u, self.motion_covariance(motions), self.readings(), feature, self.settings.gate)
+        smoother = Smoother(motions.u, self.motion_covariance(motions), self.readings(), feature, GATE)
         found = [smoother.solve(poses, features, ROUGH) for poses, features in guesses]
         best = min(found, key=lambda solution: solution.error)
         return best.poses, best.features
@@ -122,7 +182,7 @@ class Batch:
         P = self.motion_covariance(motions)
         solution, good = Solution(poses, features, np.inf), feature
         for _ in range(3):
-            smoother = Smoother(motions.u, P, readings, good, self.settings.gate)
+            smoother = Smoother(motions.u, P, readings, good, GATE)
             solution = smoother.solve(solution.poses, solution.features)
             before, good = good, self._judged(smoother, solution, feature)
             if (before == good).all():
@@ -140,15 +200,14 @@ class Batch:
         """Return the optimum with noise and calibration estimated from the log; see :meth:`solve`."""
         self._begin_fit()
         solution, good = Solution(poses, features, np.inf), feature
-        rounds = self.settings.rounds
-        for i in range(rounds):
+        for i in range(ROUNDS):
             motions, readings, before = self.motions(), self.readings(), self.noise
-            smoother = Smoother(motions.u, self.motion_covariance(motions), readings, good, self.settings.gate)
+            smoother = Smoother(motions.u, self.motion_covariance(motions), readings, good, GATE)
             solution = smoother.solve(solution.poses, solution.features, ROUGH)
             good = self._improve(smoother, solution, motions, feature)
             settled = self._change(before, motions, readings) < SETTLED
             if on_round is not None:
-                on_round(rounds if settled else i + 1, rounds)
+                on_round(ROUNDS if settled else i + 1, ROUNDS)
             if settled:
                 break
         return self.solve(solution.poses, solution.features, feature)
@@ -251,7 +310,7 @@ class Batch:
             return feature
         # While the noise is still unknown, half of the readings are taken to be good ones.
         scale = max(1.0, float(np.median(d2[feature >= 0]) / chi_square_quantile(0.5, 2)))
-        good = np.where(d2 <= LOST * scale * chi_square_quantile(self.settings.gate, 2), feature, -1)
+        good = np.where(d2 <= LOST * scale * chi_square_quantile(GATE, 2), feature, -1)
         # A feature without any reading is nowhere: the kernel alone weighs down what it has.
         read = np.bincount(good[good >= 0], minlength=len(solution.features)) > 0
         return np.where((feature >= 0) & ~read[np.maximum(feature, 0)], feature, good)
@@ -260,7 +319,6 @@ class Batch:
         self, smoother: Smoother, solution: Solution, motions: Motions
     ) -> tuple[FloatArray, FloatArray]:
         """Return how the whitened residuals change with calibration, and the precision it has before the log."""
-        s = self.settings
         r, n = self.raw.z, len(motions.u)
         if not self.fitted:
             return np.zeros((3 * n + 2 * len(smoother.used) + 3, 0)), np.zeros(0)
@@ -275,6 +333,4 @@ class Batch:
                 smoother.whitened(solution, np.zeros((n, 3, 2)), of_readings),
             ]
         )
-        sigma = [s.distance_sigma, s.turn_sigma, s.curvature_sigma, s.direction_sigma, s.delay_sigma]
-        sigma += [s.tilt_sigma, s.projection_sigma]
-        return columns, np.array(sigma) ** -2.0
+        return columns, EXPECTED**-2.0

@@ -1,3 +1,4 @@
+# ruff: noqa: N806 # the names are those of the literature: G, S
 # the names are those of the literature: A, P
 """What a batch is made with and what it comes to."""
 
@@ -10,13 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.graph.linear_system import LinearSystem
-from trailmark.estimation.graph.odometry import OdometryCalibration
-from trailmark.estimation.graph.readings import SensorCalibration
-from trailmark.estimation.graph.smoother import Smoother, Solution
+from trailmark.estimation.graph.odometry import OdometryCalibration, SensorCalibration
+from trailmark.estimation.graph.smoother import LinearSystem, Smoother, Solution
 from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Estimate", "IntArray", "NoiseModel"]
+__all__ = ["Estimate", "IntArray", "NoiseModel", "gauge_free", "relative_covariance"]
 
 IntArray = NDArray[np.intp]
 
@@ -84,7 +83,7 @@ class Estimate(NamedTuple):
         estimate by (AᵀA)⁻¹ Aᵀ q. Exact to the second order of e.
         """
         m, first = len(self.solution.features), 3 * len(self.solution.poses)
-        H, each = self.system.A[:, first:], np.arange(m)  # noqa: N806 # a Jacobian
+        H, each = self.system.A[:, first:], np.arange(m)  # a Jacobian
         information = (H.T @ H).toarray().reshape(m, 2, m, 2)[each, :, each, :]
         e = np.linalg.cholesky(np.linalg.inv(information)) @ NODES.T
         moved = [self.solution._replace(features=self.solution.features + step) for step in np.moveaxis(e, 2, 0)]
@@ -95,3 +94,25 @@ class Estimate(NamedTuple):
         rest = self.smoother.whitened(self.solution, still, change) - H @ e.reshape(2 * m, -1)
         off = self.system.estimate(rest)[first:].reshape(m, 2, -1)
         return np.asarray((WEIGHTS * off) @ np.swapaxes(off, 1, 2))
+
+
+def relative_covariance(points: FloatArray, joint: FloatArray) -> FloatArray:
+    """Return the covariance of points relative to all of them, shape (2m, 2m).
+
+    The errors that are left are those after the best rigid alignment with the true points, to first order.
+
+    Args:
+        points: shape (m, 2), metres.
+        joint: covariance of x₁, y₁, x₂, y₂, … in any frame, shape (2m, 2m).
+    """
+    S = gauge_free(points)
+    return np.asarray(S @ joint @ S.T)
+
+
+def gauge_free(points: FloatArray) -> FloatArray:
+    """Return the matrix, shape (2m, 2m), that takes off errors x₁, y₁, x₂, … what a rigid motion explains."""
+    away = points - points.mean(axis=0)
+    G = np.zeros((2 * len(points), 3))
+    G[0::2, 0] = G[1::2, 1] = 1.0
+    G[0::2, 2], G[1::2, 2] = -away[:, 1], away[:, 0]
+    return np.asarray(np.eye(len(G)) - G @ np.linalg.pinv(G))

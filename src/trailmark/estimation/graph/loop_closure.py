@@ -10,16 +10,24 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.graph_settings import (
+    LOCAL_SCANS,
+    LOOP_AMBIGUITY,
+    LOOP_SCORE,
+    OUTLIER_GATE,
+    WINDOW,
+    GraphSettings,
+)
 from trailmark.estimation.graph.pose_graph import Relation
-from trailmark.estimation.graph.submaps import KeyScans, in_frame
-from trailmark.estimation.scans.clouds import PointCloud, relative, transformed
+from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans, in_frame
+from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud, transformed
 from trailmark.estimation.scans.correlation import ELSEWHERE, Window, match_covariance, search
 from trailmark.estimation.scans.line_of_sight import in_view
 from trailmark.estimation.scans.matching import refine
 from trailmark.se2 import FloatArray, compose
 
-__all__ = ["LoopFinder"]
+__all__ = ["LoopFinder", "places_like", "revisit_relations"]
 
 MAX_WINDOW = Window(10.0, math.pi)
 """The largest window that is searched."""
@@ -45,7 +53,7 @@ class LoopFinder:
         self._drift = Drift(settings)
         self._read = 0  # relations
         self._ends = np.empty((0, 2), dtype=np.intp)
-        self._gate = float(chi_square_quantile(settings.outlier_gate, 3))
+        self._gate = float(chi_square_quantile(OUTLIER_GATE, 3))
 
     def find(self, k: int) -> list[Relation]:
         """Return the closures that scan k confirms, its own among them."""
@@ -106,19 +114,19 @@ class LoopFinder:
     def _match(self, k: int, place: int, away: float) -> Relation | None:
         """Return where scan k, with those just before it, lies in the map around a place; None if nowhere for sure."""
         keys, s = self._keys, self._s
-        query = keys.query(keys.chain(k, 0.5 * s.local_length, s.local_scans, before=True), k)
+        query = keys.query(keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True), k)
         sigma, sigma_theta = self._drift.sigma(np.array([away]))
         window = Window(
-            float(np.clip(3.0 * sigma[0], 2.0 * s.window[0], MAX_WINDOW.xy)),
-            float(np.clip(3.0 * sigma_theta[0], s.window[1], MAX_WINDOW.theta)),
+            float(np.clip(3.0 * sigma[0], 2.0 * WINDOW[0], MAX_WINDOW.xy)),
+            float(np.clip(3.0 * sigma_theta[0], WINDOW[1], MAX_WINDOW.theta)),
         )
-        chain = keys.chain(place, 2.0 * s.local_length, s.local_scans)
+        chain = keys.chain(place, 2.0 * s.local_length, LOCAL_SCANS)
         guess = keys.poses[k]
         area = keys.area(chain, guess, float(np.abs(query.points).max()) * 1.5 + window.xy, window.xy)
-        found = search(area, query.points, guess, window, coarseness=2, min_score=s.loop_score)
+        found = search(area, query.points, guess, window, coarseness=2, min_score=LOOP_SCORE)
         if found is None:
             return None
-        limit = s.loop_ambiguity * found.score
+        limit = LOOP_AMBIGUITY * found.score
         if search(area, query.points, guess, window, coarseness=2, min_score=limit, apart_from=found.pose):
             return None
         found, near = refine(area, query, found.pose), refine(area, query, guess)
@@ -127,7 +135,7 @@ class LoopFinder:
             # Where the graph has the scan, much of it may lie beyond what the map's scans saw.
             known = near.score + UNSEEN * (1.0 - self._seen_share(query, near.pose, chain))
             other = found.score + UNSEEN * (1.0 - self._seen_share(query, found.pose, chain))
-            if known > s.loop_ambiguity * other:
+            if known > LOOP_AMBIGUITY * other:
                 return None
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
         return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
@@ -141,9 +149,9 @@ class LoopFinder:
     def _with_errors_of_maps(self, closure: Relation) -> Relation:
         """Return a closure with the errors inside the two maps that it joins; whether two agree is asked without."""
         keys, s = self._keys, self._s
-        recent = keys.chain(closure.b, 0.5 * s.local_length, s.local_scans, before=True)
+        recent = keys.chain(closure.b, 0.5 * s.local_length, LOCAL_SCANS, before=True)
         spread = keys.spread(recent, closure.b)
-        spread = spread + keys.spread(keys.chain(closure.a, 2.0 * s.local_length, s.local_scans), closure.a)
+        spread = spread + keys.spread(keys.chain(closure.a, 2.0 * s.local_length, LOCAL_SCANS), closure.a)
         return closure._replace(covariance=closure.covariance + in_frame(spread, keys.poses[closure.b, 2]))
 
     def _agree(self, one: Relation, other: Relation) -> bool:
@@ -202,3 +210,89 @@ class Drift:
         """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""
         place, heading = self._place / self._length, self._heading / self._length
         return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)
+
+
+SEARCHED = 200
+"""End points, at most, that are looked for in the whole map."""
+
+HEADINGS = 8
+"""Parts of a full turn in which it is looked for one by one."""
+
+FAR = 1e6
+"""Metres: all of a map."""
+
+
+def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArray:
+    """Return where a scan may have been taken, shape (k, 3): the best place for each heading.
+
+    Args:
+        scan: of the lost robot.
+        keys: the map.
+        settings: how scans are matched.
+    """
+    cloud = surface_cloud(scan, settings.max_range)
+    if len(cloud.points) < MIN_POINTS or not len(keys):
+        return np.empty((0, 3))
+    area = keys.area(np.arange(len(keys)), keys.poses[0], FAR, FAR)
+    low, high = area.points.min(axis=0), area.points.max(axis=0)
+    points = cloud.points[:: -(-len(cloud.points) // SEARCHED)]
+    window = Window(0.5 * float((high - low).max()), math.pi / HEADINGS)
+    found = list[FloatArray]()
+    for heading in 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS:
+        guess = np.append(0.5 * (low + high), heading)
+        match = search(area, points, guess, window, coarseness=2, min_score=0.5 * LOOP_SCORE)
+        if match is not None:
+            found.append(refine(area, cloud, match.pose).pose)
+    return np.array(found).reshape(-1, 3)
+
+
+IntArray = NDArray[np.intp]
+
+MAX_VISITS = 4
+"""Earlier and later visits, at most, that one scan is matched against: the nearest ones."""
+
+MAX_SHIFT = 0.3, np.radians(5.0)
+"""Metres and radians: what is matched farther from where the optimised graph has it than this is something else."""
+
+
+def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]:
+    """Return where each scan lies in the maps of the other visits to its place, from the poses that it has now."""
+    s, found = settings, list[Relation]()
+    stretches = np.floor(keys.travel / (0.5 * s.local_length)).astype(np.intp)
+    visitors = _visitors(keys, stretches, s)
+    for stretch in np.unique(stretches):
+        if len(visitors[stretch]) == 0:
+            continue
+        own = np.flatnonzero(stretches == stretch)
+        middle = int(own[len(own) // 2])
+        # One map for all scans that see this stretch.
+        chain = keys.chain(middle, 1.5 * s.local_length, LOCAL_SCANS)
+        area = keys.area(chain, keys.poses[middle], s.max_range + s.loop_distance, 0.0)
+        for k in visitors[stretch]:
+            cloud = keys.clouds[k]
+            match = refine(area, cloud, keys.poses[k])
+            shift = relative(keys.poses[k], match.pose)
+            if match.score < LOOP_SCORE or np.hypot(*shift[:2]) > MAX_SHIFT[0] or abs(shift[2]) > MAX_SHIFT[1]:
+                continue
+            covariance, _ = match_covariance(area, cloud.points, match.pose, scatter=s.scatter)
+            place = int(own[np.hypot(*(keys.poses[own, :2] - match.pose[:2]).T).argmin()])
+            covariance = covariance + keys.spread(chain, place)
+            found.append(keys.related(place, k, match.pose, covariance, certain=False))
+    return found
+
+
+def _visitors(keys: KeyScans, stretches: IntArray, s: GraphSettings) -> list[list[int]]:
+    """Return for each stretch the scans of other visits that see it: each scan is in the lists of the nearest ones."""
+    visitors: list[list[int]] = [[] for _ in range(stretches[-1] + 1)]
+    for k, cloud in enumerate(keys.clouds):
+        if len(cloud.points) < MIN_POINTS:
+            continue
+        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
+        near = np.flatnonzero(
+            (apart <= 0.5 * s.loop_distance) & (np.abs(keys.travel - keys.travel[k]) > s.local_length)
+        )
+        nearest = near[np.argsort(apart[near], kind="stable")]
+        _, first = np.unique(stretches[nearest], return_index=True)
+        for at in np.sort(first)[:MAX_VISITS]:
+            visitors[stretches[nearest[at]]].append(k)
+    return visitors

@@ -78,7 +78,7 @@ def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> Fl
     """Return the covariance of each pose relative to the places of all, shape (n, 3, 3), at an optimum.
 
     A graph's frame is that of its first pose, so that an error of the first heading turns everything. Within the map
-    nothing is wrong by that: Baarda's S-transformation (:mod:`trailmark.estimation.graph.gauge`) takes it out, here
+    nothing is wrong by that: Baarda's S-transformation (:mod:`trailmark.estimation.graph.estimate`) takes it out, here
     without the joint covariance of all poses, which is large.
 
     Returns:

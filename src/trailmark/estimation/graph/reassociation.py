@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.graph.readings import Readings
+from trailmark.estimation.graph.odometry import Readings
 from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["Labels", "assigned", "merged", "seen_from", "split", "without_unseen"]

@@ -9,12 +9,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.graph.batch import ROUGH, Batch
-from trailmark.estimation.graph.estimate import Estimate, IntArray
-from trailmark.estimation.graph.gauge import gauge_free
+from trailmark.estimation.graph.batch import GATE, ROUGH, Batch
+from trailmark.estimation.graph.estimate import Estimate, IntArray, gauge_free
 from trailmark.estimation.graph.smoother import Smoother
 
 __all__ = ["Misfit", "Scale", "description_length", "figures", "inflation", "misfit", "scale"]
+
+SCALE_SHARE = 0.25
+"""How uncertain the scale of all ranges is, as a share of the relative error that is found across the view: no reading
+shows it, and a sensor that is wrong by some percent from one bearing to another is not right on average."""
+
+ODOMETRY_SCALE_SIGMA = 0.03
+"""How uncertain the scale of all that was driven is: the size of wheels is known to a few percent."""
 
 FEW = 30.0
 """Expected squares below which no ratio is judged: that of 30 varies by a quarter."""
@@ -86,7 +92,7 @@ def description_length(batch: Batch, estimate: Estimate, feature: IntArray) -> f
     """
     y = np.nan_to_num(estimate.smoother.reading_residuals(estimate.solution, feature))
     R = batch.readings(single=True).covariance
-    limit = float(chi_square_quantile(batch.settings.gate, 2))
+    limit = float(chi_square_quantile(GATE, 2))
     d2 = np.minimum(np.einsum("ni,nij,nj->n", y, np.linalg.inv(R), y), limit)
     d2[feature < 0] = limit
     fit = d2 + np.log(np.linalg.det(R))
@@ -111,7 +117,7 @@ def inflation(batch: Batch, estimate: Estimate) -> float:
         seen, feature = np.unique(estimate.feature[own], return_inverse=True)
         seen, feature = (seen[1:], feature - 1) if len(seen) and seen[0] < 0 else (seen, feature)
         inside = slice(first, last - 1)
-        smoother = Smoother(motions.u[inside], P[inside], part, feature, batch.settings.gate)
+        smoother = Smoother(motions.u[inside], P[inside], part, feature, GATE)
         solution = smoother.solve(estimate.solution.poses[first:last], estimate.solution.features[seen], ROUGH)
         columns = 3 * (last - first) + np.arange(2 * len(seen))
         parts.append((seen, solution.features, smoother.linearised(solution).covariance(columns)))
@@ -140,13 +146,13 @@ def scale(batch: Batch, estimate: Estimate) -> Scale:
     """
     if not batch.fitted:
         return Scale(1.0, 0.0)
-    sensor, s = batch.noise.sensor, batch.settings
-    ranges = s.scale_share * float(np.std(sensor.basis(batch.raw.z[:, 1]) @ sensor.array()))
+    sensor = batch.noise.sensor
+    ranges = SCALE_SHARE * float(np.std(sensor.basis(batch.raw.z[:, 1]) @ sensor.array()))
     raw = batch.track.motions(batch.instants, replace(batch.noise.odometry, distance=1.0), covariances=False).u
     real = estimate.smoother.motions_of(estimate.solution)[:, :2]
     stated = np.hypot(*raw[:, :2].T)
     along = (real * raw[:, :2]).sum(axis=1) / np.where(stated > 0.0, stated, 1.0)
-    weight = ranges**2 / (ranges**2 + s.odometry_scale_sigma**2)
+    weight = ranges**2 / (ranges**2 + ODOMETRY_SCALE_SIGMA**2)
     excess = np.log(stated.sum() / along.sum()) if along.sum() > 0.0 else 0.0
     return Scale(float(np.exp(weight * excess)), float(ranges * np.sqrt(1.0 - weight)))
 

@@ -14,11 +14,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.graph.graph_settings import GraphSettings
-from trailmark.estimation.graph.loop_closure import LoopFinder
+from trailmark.estimation.graph.graph_settings import (
+    KEY_ANGLE,
+    LOCAL_SCANS,
+    LOOP_AMBIGUITY,
+    LOOP_SCORE,
+    MAX_NODES,
+    OUTLIER_GATE,
+    ROUNDS,
+    WINDOW,
+    GraphSettings,
+)
+from trailmark.estimation.graph.loop_closure import LoopFinder, places_like, revisit_relations
 from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covariances, relative_covariances
-from trailmark.estimation.graph.relocation import places_like
-from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud
@@ -196,7 +204,7 @@ class ScanSlam:
             return
         last, own, step = self._last, len(keys), relative(self._odometry, odometry)
         noise = s.odometry_noise(step)
-        little = np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < s.key_angle
+        little = np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < KEY_ANGLE
         if little and not missing and self._hold_beside(area, cloud, step):
             return
         if len(cloud.points) < MIN_POINTS:
@@ -215,7 +223,7 @@ class ScanSlam:
             return
         guess, information = compose(keys.poses[last], step), self._weight * _inverse(noise)
         pose = refine_by_faces(area, cloud, start, guess, information).pose
-        if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
+        if own >= MAX_NODES and self._return_to_node(pose, cloud, odometry):
             return
         matched = self._covariance_of(area, cloud, pose)
         keys.relations.append(Relation(last, own, step, noise))
@@ -229,7 +237,7 @@ class ScanSlam:
         s, here, noise = self._s, self._keys.poses[self._last], self._s.odometry_noise(step)
         match = refine(area, cloud, compose(here, step), information=self._weight * _inverse(noise))
         pose = relative(here, match.pose)
-        fits = match.score >= 0.5 * s.loop_score and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
+        fits = match.score >= 0.5 * LOOP_SCORE and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
         if len(cloud.points) >= MIN_POINTS and not fits:
             return False
         self._covariance = _combined(self._covariance_of(area, cloud, match.pose), noise)
@@ -250,14 +258,14 @@ class ScanSlam:
         if missing:
             return self._search_all_round(area, points, here)
         window = Window(
-            min(MAX_WINDOW.xy, max(s.window[0], 3.0 * float(np.sqrt(noise[0, 0])))),
-            min(MAX_WINDOW.theta, max(s.window[1], 3.0 * float(np.sqrt(noise[2, 2])))),
+            min(MAX_WINDOW.xy, max(WINDOW[0], 3.0 * float(np.sqrt(noise[0, 0])))),
+            min(MAX_WINDOW.theta, max(WINDOW[1], 3.0 * float(np.sqrt(noise[2, 2])))),
         )
         found = search(area, points, guess, window, information=_inverse(noise))
         score, start = (0.0, guess) if found is None else (found.score, found.pose)
         if score >= SURE:
             return _Found(start, step, noise)
-        unfit = score < UNFIT * s.loop_score
+        unfit = score < UNFIT * LOOP_SCORE
         carried = unfit and driven > max(MAX_WINDOW.xy, CARRIED * s.key_distance)
         if carried and np.hypot(*(self._keys.poses - guess)[:, :2].T).min() < MAX_WINDOW.xy:
             return None
@@ -265,7 +273,7 @@ class ScanSlam:
         # near where it was. Where odometry explains anything, no turn beyond it counts: the way around a corner shows
         # new things, and what was seen last may fit better at the heading before.
         around = ALL_ROUND if unfit else MAX_WINDOW
-        other = search(area, points, here, around, coarseness=2, min_score=max(s.loop_score, score / DECISIVE))
+        other = search(area, points, here, around, coarseness=2, min_score=max(LOOP_SCORE, score / DECISIVE))
         if other is None:
             return _Found(start, step, noise, sure=not carried)
         turned = abs(difference(guess, other.pose)[2]) > window.theta
@@ -293,7 +301,7 @@ class ScanSlam:
 
     def _is_alone(self, area: LocalMap, points: FloatArray, match: Match, window: Window) -> bool:
         """Return whether a match is good and no other place around the last node is nearly as good."""
-        here, limit = self._keys.poses[self._last], self._s.loop_ambiguity * match.score
+        here, limit = self._keys.poses[self._last], LOOP_AMBIGUITY * match.score
         rival = search(area, points, here, window, coarseness=2, min_score=limit, apart_from=match.pose)
         return match.score >= DECISIVE and rival is None
 
@@ -304,7 +312,7 @@ class ScanSlam:
         self._keys.relations += closures
         # What agrees with the poses as they are can wait.
         if any(_surprise(closure, self._keys.poses) > 1.0 for closure in closures):
-            self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, self._s.outlier_gate)
+            self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, OUTLIER_GATE)
             self._renew_area()
             self.corrections += 1
 
@@ -314,14 +322,14 @@ class ScanSlam:
         if self._area is None:
             return odometry
         guess = compose(self._keys.poses[self._last], relative(self._odometry, odometry))
-        found = search(self._area, cloud.points, guess, Window(*self._s.window), coarseness=2)
+        found = search(self._area, cloud.points, guess, Window(*WINDOW), coarseness=2)
         return guess if found is None else refine(self._area, cloud, found.pose).pose
 
     def place(self, scan: Scan, pose: FloatArray, odometry: FloatArray) -> None:
         """Go on from elsewhere in the map with the next scan, taken near ``pose``: the robot was carried there."""
         s, keys, own = self._s, self._keys, len(self._keys)
         node = int(np.hypot(*(keys.poses[:, :2] - pose[:2]).T).argmin())
-        self._chain, self._last = keys.chain(node, 2.0 * s.local_length, s.local_scans), node
+        self._chain, self._last = keys.chain(node, 2.0 * s.local_length, LOCAL_SCANS), node
         cloud, area = surface_cloud(scan, s.max_range), self._renew_area()
         pose = refine(area, cloud, pose).pose
         self._covariance = self._covariance_of(area, cloud, pose)
@@ -336,11 +344,11 @@ class ScanSlam:
         """Return the poses of all scans; more of them may be taken in afterwards as if nothing had been asked."""
         keys, s = copy(self._keys), self._s
         keys.relations = list(keys.relations)
-        keys.poses, _ = optimise(keys.relations, keys.poses, s.outlier_gate)
+        keys.poses, _ = optimise(keys.relations, keys.poses, OUTLIER_GATE)
         held = len(keys.relations)
-        for _ in range(s.rounds):
+        for _ in range(ROUNDS):
             keys.relations[held:] = revisit_relations(keys, s)
-            keys.poses, counts = optimise(keys.relations, keys.poses, s.outlier_gate)
+            keys.poses, counts = optimise(keys.relations, keys.poses, OUTLIER_GATE)
         relations = [r for r, count in zip(keys.relations, counts, strict=True) if count]
         covariances = relative_covariances(relations, keys.poses)
         own = np.array([key for key, _ in self._scans])
@@ -382,8 +390,8 @@ class ScanSlam:
         # After a node that is not the one before, the drive begins anew.
         follows = follows and (own == 0 or self._last == own - 1)
         self._keys.add(cloud, pose, self._covariance, 0.0 if follows else 4.0 * s.local_length)
-        recent = self._keys.chain(own, s.local_length, s.local_scans, before=True)
-        self._chain = recent if len(recent) > s.local_scans // 2 else np.union1d(self._chain[-s.local_scans :], recent)
+        recent = self._keys.chain(own, s.local_length, LOCAL_SCANS, before=True)
+        self._chain = recent if len(recent) > LOCAL_SCANS // 2 else np.union1d(self._chain[-LOCAL_SCANS:], recent)
         self._last, self._odometry = own, odometry
         self._own.append(len(self._scans))
         self._hold(own, np.zeros(3))
@@ -393,15 +401,15 @@ class ScanSlam:
         """Hold a scan by a node that stands where it does, and return whether there is one whose map it fits."""
         keys, s = self._keys, self._s
         apart = relative(keys.poses, pose)
-        near = (np.hypot(*apart[:, :2].T) < s.key_distance) & (np.abs(apart[:, 2]) < s.key_angle)
+        near = (np.hypot(*apart[:, :2].T) < s.key_distance) & (np.abs(apart[:, 2]) < KEY_ANGLE)
         near[self._last] = False
         if not near.any():
             return False
         node = int(np.flatnonzero(near)[np.hypot(*apart[near, :2].T).argmin()])
-        chain = keys.chain(node, 2.0 * s.local_length, s.local_scans)
-        area = keys.area(chain, keys.poses[node], s.max_range + 2.0, s.window[0])
+        chain = keys.chain(node, 2.0 * s.local_length, LOCAL_SCANS)
+        area = keys.area(chain, keys.poses[node], s.max_range + 2.0, WINDOW[0])
         match = refine(area, cloud, pose)
-        if match.score < s.loop_score or np.hypot(*relative(pose, match.pose)[:2]) > 0.5 * s.key_distance:
+        if match.score < LOOP_SCORE or np.hypot(*relative(pose, match.pose)[:2]) > 0.5 * s.key_distance:
             return False
         self._area, self._chain, self._last = area, chain, node
         self._covariance = self._covariance_of(area, cloud, match.pose)
@@ -418,7 +426,7 @@ class ScanSlam:
     def _renew_area(self) -> LocalMap:
         """Make the local map of the last scans."""
         s, keys = self._s, self._keys
-        self._area = keys.area(self._chain, keys.poses[self._last], s.max_range + 2.0, s.window[0])
+        self._area = keys.area(self._chain, keys.poses[self._last], s.max_range + 2.0, WINDOW[0])
         return self._area
 
 

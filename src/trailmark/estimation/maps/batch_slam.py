@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.graph.batch import Batch
-from trailmark.estimation.graph.estimate import Estimate
-from trailmark.estimation.graph.gauge import relative_covariance
-from trailmark.estimation.graph.odometry import OdometryTrack
-from trailmark.estimation.graph.readings import Readings, polar_readings
+from trailmark.estimation.graph.estimate import Estimate, relative_covariance
+from trailmark.estimation.graph.odometry import OdometryTrack, Readings, polar_readings
 from trailmark.estimation.graph.reassociation import Labels
 from trailmark.estimation.graph.residual_checks import figures, inflation, misfit
 from trailmark.estimation.graph.residual_checks import scale as scale_of
@@ -22,6 +20,7 @@ from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.unnamed_features import associated
 from trailmark.estimation.scans.clouds import relative
+from trailmark.estimation.slam.ekf_slam import CURVATURE
 from trailmark.estimation.slam.slam_result import MapFeature, SlamResult
 from trailmark.se2 import FloatArray, compose, wrap
 
@@ -73,7 +72,7 @@ def smoothed(
     track = OdometryTrack(records)
     readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
     variances = track.stated_variances(settings.velocity, settings.increment)
-    batch = Batch(track, readings, instants, variances, settings.fit)
+    batch = Batch(track, readings, instants, variances)
     guesses = [_poses_at(each.trajectory, instants, start) for each in begun]
     first = [(poses, _first_places(each, readings, poses, feature)) for each, poses in zip(begun, guesses, strict=True)]
     poses, places = batch.best_of(first, feature)
@@ -81,12 +80,12 @@ def smoothed(
     estimate = batch.solve(poses, places, feature)
     stated = misfit(batch, estimate)
     wrong = stated.understated or (stated.overstated and settings.default_noise)
-    auto = settings.fit_noise == "auto"
-    if named and (settings.fit_noise == "on" or (auto and wrong)):
+    auto = settings.batch == "auto"
+    if named and (settings.batch == "fit" or (auto and wrong)):
         estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
     if not named:
         # Wrong assignments look like noise: whether it is wrong cannot be told before.
-        fit = settings.fit_noise == "on" or (auto and not (readings.stated and track.states_noise))
+        fit = settings.batch == "fit" or (auto and not (readings.stated and track.states_noise))
         labels = Labels(estimate.solution.features, feature)
         (labels, estimate) = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
         result, feature = _relabelled(result, labels), labels.feature
@@ -123,7 +122,7 @@ def _relabelled(result: SlamResult, labels: Labels) -> SlamResult:
     """Return EKF-SLAM's result with these features, and which reading is of which."""
     identity = np.zeros((2, 2))
     features = tuple(
-        MapFeature(i, None, "point", place, identity, int(count))
+        MapFeature(i, None, place, identity, int(count))
         for i, (place, count) in enumerate(zip(labels.places, labels.counts(), strict=True))
     )
     assignments = tuple(
@@ -183,7 +182,7 @@ def _result(found: _Found, result: SlamResult, settings: MapSettings, times: Flo
     poses[:, :2] = origin + scale.factor * (poses[:, :2] - origin)
     away = (means - origin).reshape(-1)
     own = np.arange(2 * len(means)).reshape(-1, 2)
-    joint[own[:, :, None], own[:, None, :]] += settings.slam.curvature * estimate.missed()
+    joint[own[:, :, None], own[:, None, :]] += CURVATURE * estimate.missed()
     joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
     blocks, within = (
         0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]])

@@ -10,6 +10,7 @@ import numpy as np
 from trailmark.checked import Probability, checked_arguments
 from trailmark.estimates import FRAMES, Frame
 from trailmark.estimation.errors import EstimationError, NotCertifiedError
+from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
 from trailmark.estimation.logs.records import Log, Scan, with_own_times
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
@@ -32,6 +33,9 @@ from trailmark.se2 import FloatArray, transform
 from trailmark.world import Query, Robot, World
 
 __all__ = ["map_log"]
+
+MARGIN = 1.0
+"""Metres of free space, beside the robot's own size, around all that was detected."""
 
 _MAX_PLACES = 2000
 """Poses of the robot's path, at most, that are tried as the ends of queries."""
@@ -88,7 +92,7 @@ def map_log(
         if sources.poses == "match":
             matching = None if on_progress is None else lambda done, total: on_progress("scans matched", done, total)
             _, odometry = scan_poses(log, "odometry", s.start)
-            graph = replace(s.graph, max_range=min(s.graph.max_range, mapping.scan.max_range))
+            graph = GraphSettings(max_range=min(GraphSettings.max_range, mapping.scan.max_range))
             matched = match_scans(scans, odometry, graph, matching, missing_odometry(log))
             poses, covariances = matched.poses, matched.covariances
         elif run is not None:
@@ -120,7 +124,7 @@ def map_log(
         own = None if s.robot_sigma is None else np.diag([x**2, x**2, theta**2])
         world = regrow(world, confidence, pose_covariance=own)
     if scan_map is None:
-        world = replace(world, bounds=_bounds(world, trajectory[:, 1:3], s.margin))
+        world = replace(world, bounds=_bounds(world, trajectory[:, 1:3]))
     world = replace(world, queries=_queries(world, trajectory[:, 1:]))
     return MappedLog(
         log=log,
@@ -149,12 +153,12 @@ def _frame(s: MapSettings, sources: Sources) -> Frame | None:
     """Return what the covariances are to be relative to; None where poses are taken as they are stated."""
     frames: tuple[Frame, ...] = ("map",) if sources.poses == "match" else ()
     if sources.obstacles == "detections":
-        frames = FRAMES if s.smooth and sources.poses == "slam" else ("start",)
+        frames = FRAMES if s.batch != "none" and sources.poses == "slam" else ("start",)
     if s.frame not in (None, *frames):
         known = " or ".join(map(repr, frames)) or "none"
         raise EstimationError(
             f"frame: expected {known} for {sources.obstacles}, poses by {sources.poses}, "
-            f"smooth={s.smooth}, got {s.frame!r}"
+            f"batch={s.batch!r}, got {s.frame!r}"
         )
     preferred = s.frame or ("map" if s.start is None else "start")
     return preferred if preferred in frames else next(iter(frames), None)
@@ -186,11 +190,11 @@ def _framed(world: World, frame: Frame | None) -> World:
     return replace(world, estimates=tuple(e and replace(e, frame=frame) for e in world.estimates))
 
 
-def _bounds(world: World, path: FloatArray, margin: float) -> tuple[float, float, float, float]:
+def _bounds(world: World, path: FloatArray) -> tuple[float, float, float, float]:
     """Return bounds, in whole decimetres, with space for the robot around all obstacles and its path."""
     boxes = np.array([shape.bounding_box() for shape in world.obstacles]).reshape(-1, 4)
     points = np.vstack([boxes[:, :2], boxes[:, 2:], path])
-    space = margin + (0.0 if world.robot is None else 2.0 * world.robot.circumradius)
+    space = MARGIN + (0.0 if world.robot is None else 2.0 * world.robot.circumradius)
     low = np.floor(10.0 * (points.min(axis=0) - space)) / 10.0
     high = np.ceil(10.0 * (points.max(axis=0) + space)) / 10.0
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
@@ -225,7 +229,7 @@ def _coarser(scan_map: ScanMap | None, cell: float) -> list[str]:
     """Return a sentence on cells that are larger than the side that they should have, metres."""
     if scan_map is None or scan_map.grid.cell <= cell:
         return []
-    return [f"cells of {scan_map.grid.cell:g} m: with {cell:g} m the map would be too large (--cell states their side)"]
+    return [f"cells of {scan_map.grid.cell:g} m: with {cell:g} m the map would be too large (setting mapping.cell)"]
 
 
 def _relocations(matched: ScanPoses | None, trajectory: FloatArray) -> list[str]:

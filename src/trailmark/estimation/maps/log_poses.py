@@ -15,8 +15,7 @@ from trailmark.estimation.logs.records import Detection, Increment, Log, Odometr
 from trailmark.estimation.maps.batch_slam import BatchResult, smoothed
 from trailmark.estimation.maps.map_settings import MappingSettings, MapSettings, ObstacleSource, PoseSource
 from trailmark.estimation.slam.ekf_slam import EkfSlam
-from trailmark.estimation.slam.slam_result import SlamResult
-from trailmark.estimation.slam.slam_settings import AssociationMethod, SlamSettings
+from trailmark.estimation.slam.slam_result import AssociationMethod, SlamResult, SlamSettings
 from trailmark.se2 import FloatArray
 
 __all__ = ["OnProgress", "SlamRun", "Sources", "run_slam", "sources_of"]
@@ -121,7 +120,7 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
         if not np.abs(detection.z).max() <= FARTHEST:
             z = np.asarray(detection.z).tolist()
             raise EstimationError(f"detection at {detection.t:g} s: expected z of at most {FARTHEST:g}, got {z}")
-        if settings.stated_sensor_noise and detection.covariance is not None:
+        if settings.stated_noise and detection.covariance is not None:
             name = f"detection at {detection.t:g} s"
             stated = checked_covariance(detection.covariance, 2, name)
             if not np.linalg.eigvalsh(stated)[0] >= SUREST**2:
@@ -132,7 +131,7 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
         association = "known" if any(detection.identity is not None for detection in detections) else "joint"
     s = replace(s, association=association, outlier_gate=OUTLIER_GATE if s.outlier_gate == "auto" else s.outlier_gate)
     run = _run(log, settings, s, poses, association, on_progress)
-    if poses == "log" or not settings.smooth or not run.result.features:
+    if poses == "log" or settings.batch == "none" or not run.result.features:
         return run
     begun = [run.result]
     if association == "known" and run.result.counts.outliers > MANY * run.result.counts.detections:
@@ -145,7 +144,7 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
         batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
     except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
         reason = str(error).strip().partition("\n")[0]
-        raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}): --no-smooth") from None
+        raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}); setting batch: none") from None
     return run._replace(result=batch.result, batch=batch)
 
 
@@ -190,6 +189,6 @@ def _run(
 def _records(log: Log, s: MapSettings) -> Iterator[Record]:
     """Yield the records, without the noise that they state where it is not to count."""
     for record in log.records:
-        ignored = isinstance(record, Detection) and not s.stated_sensor_noise
-        ignored = ignored or (isinstance(record, Increment) and not s.stated_motion_noise)
-        yield record._replace(covariance=None) if ignored and isinstance(record, Detection | Increment) else record
+        if isinstance(record, Detection | Increment) and not s.stated_noise:
+            record = record._replace(covariance=None)
+        yield record

@@ -222,18 +222,18 @@ def detection_warnings(
         kind = "larger" if nis.mean > nis.expected else "smaller"
         found.append(
             f"the readings' errors are {kind} than the noise that is stated (NIS {nis.mean:.3g}, expected "
-            f"{nis.expected:.3g}): --fit-noise on estimates it; --sensor-noise and --odometry-noise state it"
+            f"{nis.expected:.3g}): the setting batch: fit estimates it"
         )
     left_out = counts.outliers + counts.ambiguous
     if left_out > MAX_LEFT_OUT * max(1, counts.detections):
         found.append(
             f"{left_out / counts.detections:.0%} of the readings fit no feature: misread identities, things that "
-            "moved, or wrong noise (--fit-noise on)"
+            "moved, or wrong noise (setting batch: fit)"
         )
     if (doubled := _doubled(estimates)) > 0:
         found.append(
             f"{doubled} of {len(estimates)} features may be others seen twice, so that the map shows more than there "
-            "is: look at it with --plot; --confirm 20 keeps those with more readings"
+            "is: look at it with --plot; the setting slam.confirm: 20 keeps those with more readings"
         )
     return [*found, *(_speed_warnings(result.trajectory) if poses == "slam" else [])]
 

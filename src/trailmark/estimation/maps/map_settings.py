@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -10,21 +9,15 @@ from trailmark.checked import (
     Count,
     Finite,
     NonNegative,
-    NonNegativeOrInfinite,
     Positive,
-    PositiveOrInfinite,
-    Probability,
-    Share,
     checked_fields,
 )
 from trailmark.estimates import Frame
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
-from trailmark.estimation.graph.fit_settings import FitSettings
-from trailmark.estimation.graph.graph_settings import GraphSettings
-from trailmark.estimation.scans.scan_settings import ScanSettings
-from trailmark.estimation.slam.slam_settings import SlamSettings
+from trailmark.estimation.scans.scan_features import ScanSettings
+from trailmark.estimation.slam.slam_result import SlamSettings
 
 __all__ = ["MapSettings", "MappingSettings", "ObstacleSource", "PoseSource"]
 
@@ -44,42 +37,15 @@ class MappingSettings:
     """
 
     scan: ScanSettings = field(default_factory=ScanSettings)
-    """How single scans are segmented."""
+    """What is known of the scanner."""
     pose_sigma: tuple[NonNegative, NonNegative] = (0.02, 0.005)
-    """Standard deviation of the poses: of x and y each (metres), of theta (radians)."""
-    pose_memory: PositiveOrInfinite = math.inf
-    """Metres of driving after which the errors of poses are others: within them they do not average out. Infinite for
-    dead reckoning; a few metres for poses that a SLAM program has corrected."""
+    """Standard deviation of the poses: of x and y each (metres), of theta (radians). Errors of poses do not average
+    out."""
     cell: Positive | None = None
     """Side of the grid's cells, metres; by default 0.05, or the side of an exploration's own cells if its log states a
     larger one: its beams are about as far apart, and smaller cells between them would stay unknown."""
-    clear_range: NonNegativeOrInfinite = 8.0
-    """Metres: how far a beam that met nothing shows space to be free, at most."""
-    min_hits: Count = 2
-    """Beams that must have ended in a cell for it to count as occupied."""
-    min_share: Share = 0.2
-    """The share of the beams that came to a cell that must have ended there. Less, and what was there is gone."""
-    standing: tuple[NonNegative, NonNegative] = (0.05, 0.02)
-    """Metres along x and y each, and radians, within which a robot stands: it sees the same features again, and
-    no more than ``confirm`` scans of them count."""
-    gate: Probability = 0.99
-    """Probability with which a scan's feature passes the gate of its own track."""
     confirm: Count = 3
     """Scans that must have shown a feature; others are dropped."""
-    thickness: Positive = 0.05
-    """Metres that walls reach behind the front that was seen."""
-    gap: Positive = 0.3
-    """Metres between stretches of a wall that count as joined, unless beams passed between them."""
-    min_wall: Positive = 0.2
-    """Shortest stretch that becomes a wall, metres."""
-    explained: Positive = 0.1
-    """Metres from a wall or disc within which occupied cells count as part of it; a cell in any case: its points
-    lie anywhere in theirs."""
-    max_unknown_cells: int = 4
-    """Cells of an unknown patch, met by no beam, up to which it counts as free like what is around it."""
-    shapes: Literal["fitted", "hulls", "boxes"] = "fitted"
-    """What obstacles are drawn as. "fitted": walls as rectangles with thickness, discs, and cells for the rest;
-    "hulls": the convex hull of each one's end points; "boxes": their plain box, as in the source's Algorithm 2."""
     unknown: Literal["blocked", "free"] = "blocked"
     """What no beam has reached, or what is separated from where the robot was: an obstacle, or free."""
 
@@ -112,12 +78,8 @@ class MapSettings:
     """"match": by matching scans and closing loops, from odometry on; "slam": by EKF-SLAM over odometry and detections;
     "log": as the log states them; "odometry": by odometry alone, which drifts (scans only). "auto": for scans the log's
     if it states them, else match; for detections slam if it has odometry, else the log's."""
-    graph: GraphSettings = field(default_factory=GraphSettings)
-    """How scans are matched."""
     slam: SlamSettings = field(
-        default_factory=lambda: SlamSettings(
-            "auto", new_gate=0.9999, outlier_gate="auto", confirm=5, timeout=60.0, curvature=6.0
-        )
+        default_factory=lambda: SlamSettings("auto", new_gate=0.9999, outlier_gate="auto", confirm=5, timeout=60.0)
     )
     """How EKF-SLAM goes about it. Real readings have more outliers than Gaussian ones, so that a feature needs more of
     them to be confirmed than SlamSettings itself asks for, over a longer time, and counts as new sooner."""
@@ -125,23 +87,18 @@ class MapSettings:
     """Noise of detections by range and bearing."""
     cartesian: Cartesian = field(default_factory=lambda: Cartesian(0.1, 0.1))
     """Noise of detections by x and y."""
-    stated_sensor_noise: bool = True
-    """Whether the covariances that the log states for detections count, in place of the two above."""
     velocity: Unicycle = field(default_factory=lambda: Unicycle(0.012, 0.04, period=1.0))
     """Noise of velocities."""
     increment: PoseIncrement = field(
         default_factory=lambda: PoseIncrement(1e-3, 1e-3, 1e-3, growth=(2.5e-3, 1e-3, 2.5e-3))
     )
     """Noise of increments: 5 cm and 1.8 degrees by each metre, 2.9 degrees by each radian."""
-    stated_motion_noise: bool = True
-    """Whether the covariances that the log states for increments count, in place of the one above."""
-    smooth: bool = True
-    """Whether a batch over the whole log follows EKF-SLAM."""
-    fit_noise: Literal["auto", "on", "off"] = "auto"
-    """Whether that batch estimates noise and systematic errors from the log. "auto": where the residuals show more
-    noise than is stated, or much less than the log or these settings' own defaults state."""
-    fit: FitSettings = field(default_factory=FitSettings)
-    """What it expects of instruments."""
+    stated_noise: bool = True
+    """Whether the covariances that the log states for detections and increments count, in place of those above."""
+    batch: Literal["auto", "fit", "stated", "none"] = "auto"
+    """What follows EKF-SLAM: a batch over the whole log that estimates noise and systematic errors from it ("fit") or
+    takes the noise as stated, or none. "auto": it estimates them where the residuals show more noise than is stated, or
+    much less than the log or these settings' own defaults state."""
     radius: Positive = 0.1
     """Radius of what was detected, metres: a log says where its centre is, not how large it is."""
     radius_sigma: NonNegative = 0.0
@@ -156,8 +113,6 @@ class MapSettings:
     error of where the map lies, too; "map": the obstacles themselves, for a robot that localises on them. None: start
     if it is given here, else map. Fewer than four features, and those without a batch, have no frame but the start's;
     what scans show has none but the map's."""
-    margin: NonNegative = 1.0
-    """Metres of free space, beside the robot's own size, around all that was detected."""
     robot_sigma: tuple[NonNegative, NonNegative] | None = None
     """Standard deviation of the pose (x and y each, metres; theta, radians) of the robot that will drive in the world:
     obstacles grow by it too. None: it knows where it is."""
@@ -170,7 +125,7 @@ class MapSettings:
         """Whether nobody chose the noise of detections and odometry: neither a log nor these settings state it."""
         names = ("range_bearing", "cartesian", "velocity", "increment")
         chosen = any(getattr(self, name) != getattr(_DEFAULTS, name) for name in names)
-        return self.stated_sensor_noise and self.stated_motion_noise and not chosen
+        return self.stated_noise and not chosen
 
 
 _DEFAULTS = MapSettings()

@@ -1,4 +1,4 @@
-"""Estimated features to estimated obstacles: points to discs, lines to walls, groups of readings to hulls and boxes.
+"""Estimated features to estimated obstacles: points to discs, lines to walls.
 
 What comes out is an :class:`trailmark.world.ObstacleEstimate`: a mean shape and the covariance of the numbers that
 place it. :mod:`trailmark.estimation.risk.allocation` grows it into an obstacle of a world.
@@ -12,17 +12,12 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.checked import NonNegative, Numbers, Positive, Share, checked_arguments, shaped
+from trailmark.checked import NonNegative, Numbers, Positive, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
-from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.shapes import Disc, Rectangle
 from trailmark.world import ObstacleEstimate
 
-__all__ = ["disc_estimates", "hull_estimate", "plain_box", "wall_estimate"]
-
-Points = Annotated[ArrayLike, shaped(None, 2, minimum=1)]
-
-MIN_SIDE = 1e-3
-"""Metres: what has no extent of its own (one reading, readings in a row) is made this wide, so that it is a region."""
+__all__ = ["disc_estimates", "wall_estimate"]
 
 
 @checked_arguments(EstimationError)
@@ -111,43 +106,3 @@ def wall_estimate(
     wall = Rectangle((float(centre[0]), float(centre[1])), high - low, thickness, alpha + 0.5 * math.pi)
     total = 0.5 * (total + total.T)
     return ObstacleEstimate(wall, total if end_sigma else total[:3, :3])
-
-
-@checked_arguments(EstimationError)
-def hull_estimate(readings: Points, covariance: Numbers, *, ratio: Share = 1.0) -> ObstacleEstimate:
-    """Return the hull of readings that fit neither a line nor a circle.
-
-    Args:
-        readings: points, shape (n, 2), n >= 1, metres.
-        covariance: of the hull's place, shape (2, 2), or of its place and heading, (3, 3).
-        ratio: 1 for the convex hull; less, down to 0, follows the readings into bays (shapely's ``concave_hull``).
-
-    Raises:
-        EstimationError: no readings, another shape, not finite, a ratio out of range.
-        WorldError: a covariance that is none.
-    """
-    import shapely
-
-    cloud = shapely.multipoints(readings)
-    region = shapely.convex_hull(cloud) if ratio == 1.0 else shapely.concave_hull(cloud, ratio)
-    # A hull that is hardly wider than rounding, 1 mm² per metre of its outline, is none.
-    if shapely.get_dimensions(region) < 2 or not shapely.area(region) > 1e-6 * shapely.length(region):
-        region = shapely.buffer(shapely.convex_hull(cloud), MIN_SIDE / 2.0, quad_segs=2)
-    return ObstacleEstimate(Polygon(shapely.get_coordinates(region.exterior)), np.asarray(covariance, np.float64))
-
-
-@checked_arguments(EstimationError)
-def plain_box(readings: Points) -> Rectangle:
-    """Return the box of the source method's Algorithm 2: smallest to largest x and y of an obstacle's readings.
-
-    Args:
-        readings: points, shape (n, 2), n >= 1, metres. A box without extent is made 1 mm wide.
-
-    Raises:
-        EstimationError: no readings, another shape, not finite.
-    """
-    points = np.asarray(readings)
-    low, high = points.min(axis=0), points.max(axis=0)
-    x, y = 0.5 * (low + high)
-    length, width = np.maximum(high - low, MIN_SIDE)
-    return Rectangle((float(x), float(y)), float(length), float(width))

@@ -32,6 +32,17 @@ __all__ = ["ScanMap", "beam_ends", "map_scans"]
 
 BoolArray = NDArray[np.bool_]
 
+CLEAR_RANGE = 8.0
+"""Metres: how far a beam that met nothing shows space to be free, at most. Glass and what is black or tilted away throw
+nothing back either, and a beam hardly misses anything near."""
+
+STANDING = (0.05, 0.02)
+"""Metres along x and y each, and radians, within which a robot stands: it sees the same features again, and no more
+scans of them count than confirm a feature."""
+
+TRACK_GATE = 0.99
+"""Probability with which a scan's feature passes the gate of its own track."""
+
 COARSEST = 0.4
 """Metres: cells that are not asked for become no larger where a map of smaller ones would have too many corners."""
 
@@ -42,15 +53,15 @@ class ScanMap(NamedTuple):
     world: World
     """Its obstacles are the estimates' means: walls, discs, groups of cells; last, without estimates, the unknown."""
     readings: tuple[FloatArray, ...]
-    """The end points behind each wall and disc, arrays of shape (n, 2): see :func:`trailmark.estimation.plain_box`."""
+    """The end points behind each wall and disc, arrays of shape (n, 2)."""
     poses: FloatArray
     """Where the scans were taken, shape (m, 3)."""
     grid: EvidenceGrid
     """Hits and passes."""
     walls: int
-    """How many obstacles are walls, or boxes or hulls of their end points."""
+    """How many obstacles are walls."""
     discs: int
-    """How many are discs, or boxes or hulls of those."""
+    """How many are discs."""
     dropped: int
     """Lines and discs that too few scans showed."""
 
@@ -120,7 +131,7 @@ def map_scans(
             break
         except WorldError as error:
             if s.cell is not None or cell >= COARSEST:
-                advice = "larger cells (--cell 0.1) and far readings left out (--scan-range 20) have fewer"
+                advice = "settings mapping.cell: 0.1 and mapping.scan.max_range: 20 make fewer"
                 raise EstimationError(f"{error}; {advice}") from None
             cell *= 2.0
     sighted = found.walls + found.discs
@@ -147,6 +158,7 @@ def _read(
 ) -> tuple[EvidenceGrid, LineTracks, DiscTracks]:
     """Enter all scans in the grid and the tracks."""
     from trailmark.estimation.maps.evidence import EvidenceGrid
+    from trailmark.estimation.maps.scan_obstacles import GAP
     from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 
     low, high = x[:, :2].min(axis=0), x[:, :2].max(axis=0)
@@ -161,10 +173,8 @@ def _read(
     # On the lines of one grid for all maps of the same cells, so that maps can be compared.
     low, high = np.floor(low / cell) * cell, np.ceil(high / cell) * cell
     grid = EvidenceGrid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), cell)
-    lines, discs = LineTracks(s.gate, covariances[0], s.gap), DiscTracks(s.gate, covariances[0])
+    lines, discs = LineTracks(TRACK_GATE, covariances[0], GAP), DiscTracks(TRACK_GATE, covariances[0])
     place, heading = np.sqrt(0.5 * (covariances[:, 0, 0] + covariances[:, 1, 1])), np.sqrt(covariances[:, 2, 2])
-    driven = np.cumsum(np.hypot(*np.diff(x[:, :2], axis=0, prepend=x[:1, :2]).T))
-    episodes = np.floor(driven / s.pose_memory).astype(np.intp)
     stood, times = x[0], 0
     for i, (scan, pose) in enumerate(zip(scans, x, strict=True)):
         start, ends, met = beam_ends(scan, pose, s)
@@ -173,14 +183,14 @@ def _read(
             on_progress(i + 1, len(scans))
         # A robot that stands sees the same features again, by the same error of its pose.
         moved = np.abs(difference(stood, pose))
-        stands = max(moved[0], moved[1]) < s.standing[0] and moved[2] < s.standing[1]
+        stands = max(moved[0], moved[1]) < STANDING[0] and moved[2] < STANDING[1]
         stood, times = (stood, times + 1) if stands else (pose, 1)
         if times > s.confirm:
             continue
         lines.pose_covariance = discs.pose_covariance = covariances[i]
         hits, features = find_features(scan, s.scan)
-        lines.update([lines.observation(fit, hits.points, pose) for fit in features.lines], int(episodes[i]))
-        discs.update([discs.observation(fit, hits.points, pose) for fit in features.discs], int(episodes[i]))
+        lines.update([lines.observation(fit, hits.points, pose) for fit in features.lines])
+        discs.update([discs.observation(fit, hits.points, pose) for fit in features.discs])
     return grid, lines, discs
 
 
@@ -190,7 +200,7 @@ def beam_ends(scan: Scan, pose: FloatArray, s: MappingSettings) -> tuple[FloatAr
     readable = ~np.isnan(ranges) & (ranges > 0.0)
     angles = scan.angle_min + np.flatnonzero(readable) * scan.angle_increment
     nothing = ranges[readable] >= scan.range_max
-    length = np.where(nothing, min(scan.range_max, s.clear_range), np.minimum(ranges[readable], s.scan.max_range))
+    length = np.where(nothing, min(scan.range_max, CLEAR_RANGE), np.minimum(ranges[readable], s.scan.max_range))
     met = ~nothing & (ranges[readable] <= s.scan.max_range)
     ends = transform(scan.mount, length[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
     return transform(pose, np.asarray(scan.mount)[None, :2])[0], transform(pose, ends), met

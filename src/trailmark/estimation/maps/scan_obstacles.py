@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.maps.evidence import EvidenceGrid
 from trailmark.estimation.maps.map_settings import MappingSettings
-from trailmark.estimation.maps.obstacle_estimates import hull_estimate, plain_box, wall_estimate
+from trailmark.estimation.maps.obstacle_estimates import wall_estimate
 from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Shape
@@ -22,6 +22,22 @@ __all__ = ["MapObstacles", "find_obstacles"]
 BoolArray = NDArray[np.bool_]
 Found = list[tuple[ObstacleEstimate, FloatArray]]
 """Obstacles, each with its end points, shape (n, 2)."""
+
+GAP = 0.3
+"""Metres between stretches of a wall that count as joined, unless beams passed between them."""
+
+MIN_WALL = 0.2
+"""Shortest stretch that becomes a wall, metres."""
+
+THICKNESS = 0.05
+"""Metres that walls reach behind the front that was seen."""
+
+EXPLAINED = 0.1
+"""Metres from a wall or disc within which occupied cells count as part of it; a cell in any case: its points lie
+anywhere in theirs."""
+
+MAX_UNKNOWN_CELLS = 4
+"""Cells of an unknown patch, met by no beam, up to which it counts as free like what is around it."""
 
 PIERCED = 0.05
 """Share of a disc's inner cells that beams went through, from which on it is none: short arcs, such as the two faces at
@@ -52,22 +68,16 @@ def find_obstacles(
         x: where the robot was, shape (m, 3).
         s: how to go about it.
     """
-    occupied = grid.occupied(s.min_hits, s.min_share)
+    occupied = grid.occupied()
     seen_free = (grid.passes > 0) & ~occupied
     if s.unknown == "blocked":
-        seen_free = _reached(
-            seen_free | _small_patches((grid.passes == 0) & (grid.hits == 0), s.max_unknown_cells), grid, x
-        )
+        seen_free = _reached(seen_free | _small_patches((grid.passes == 0) & (grid.hits == 0)), grid, x)
     walls = _walls(lines, grid, occupied, s)
     posts = _posts(discs, grid, occupied)
     if s.unknown == "blocked":
         walls, posts = (_facing(found, seen_free, grid) for found in (walls, posts))
-    explained = _explained(occupied, [estimate.mean for estimate, _ in walls + posts], grid, s)
+    explained = _explained(occupied, [estimate.mean for estimate, _ in walls + posts], grid)
     heaps, unknown = _cells(grid, occupied & ~explained, explained, seen_free, s)
-    if s.shapes != "fitted":
-        walls, posts = (_redrawn(found, grid, s) for found in (walls, posts))
-        outlines = [(estimate, estimate.mean.polygon().vertices) for estimate in heaps]
-        heaps = [estimate for estimate, _ in _redrawn(outlines, grid, s)]
     return MapObstacles(walls, posts, heaps, unknown)
 
 
@@ -78,7 +88,7 @@ def _walls(tracks: LineTracks, grid: EvidenceGrid, occupied: BoolArray, s: Mappi
         rho, alpha = tracks.states[at]
         across, along = np.array([math.cos(alpha), math.sin(alpha)]), np.array([-math.sin(alpha), math.cos(alpha)])
         points = np.concatenate(tracks.readings[at])
-        points = points[np.abs(points @ across - rho) <= s.explained]
+        points = points[np.abs(points @ across - rho) <= EXPLAINED]
         if len(points) == 0:
             continue
         places = points @ along
@@ -90,14 +100,14 @@ def _walls(tracks: LineTracks, grid: EvidenceGrid, occupied: BoolArray, s: Mappi
         solid = np.any([occupied[where] for where in around_wall], axis=0)
         passed = ~solid & np.all([grid.passes[where] > 0 for where in around_wall], axis=0)
         standing = (np.bincount(bins) >= 2) & solid
-        for first, last in _stretches(standing, passed, round(s.gap / width)):
+        for first, last in _stretches(standing, passed, round(GAP / width)):
             own = (bins >= first) & (bins <= last)
             span = (float(places[own].min()), float(places[own].max()))
-            if span[1] - span[0] >= s.min_wall:
+            if span[1] - span[0] >= MIN_WALL:
                 covariance = tracks.covariance(at)
                 cells = grid.cells(points[own])
                 along_sigma = math.sqrt(_place_variance(grid.hits[cells], grid.variance[cells], s))
-                wall = wall_estimate((rho, alpha), covariance, span, thickness=s.thickness, along_sigma=along_sigma)
+                wall = wall_estimate((rho, alpha), covariance, span, thickness=THICKNESS, along_sigma=along_sigma)
                 walls.append((wall, points[own]))
     return walls
 
@@ -147,11 +157,11 @@ def _facing(found: Found, reached: BoolArray, grid: EvidenceGrid) -> Found:
     return [(estimate, points) for estimate, points in found if near[grid.cells(points)].mean() > 0.2]
 
 
-def _explained(occupied: BoolArray, shapes: Sequence[Shape], grid: EvidenceGrid, s: MappingSettings) -> BoolArray:
+def _explained(occupied: BoolArray, shapes: Sequence[Shape], grid: EvidenceGrid) -> BoolArray:
     """Return which of the occupied cells belong to shapes."""
     import shapely
 
-    explained, reach = np.zeros_like(occupied), max(s.explained, grid.cell)
+    explained, reach = np.zeros_like(occupied), max(EXPLAINED, grid.cell)
     if shapes and occupied.any():
         tree = shapely.STRtree([shape.polygon(1e-2).shapely() for shape in shapes])
         inside, _ = tree.query(shapely.points(grid.centres(occupied)), predicate="dwithin", distance=reach)
@@ -160,13 +170,13 @@ def _explained(occupied: BoolArray, shapes: Sequence[Shape], grid: EvidenceGrid,
     return explained
 
 
-def _small_patches(unseen: BoolArray, max_cells: int) -> BoolArray:
-    """Return the cells of patches of at most so many cells."""
+def _small_patches(unseen: BoolArray) -> BoolArray:
+    """Return the cells of patches of so few cells that they count as free."""
     from scipy import ndimage
 
     labels, count = ndimage.label(unseen)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    return np.asarray(unseen & (sizes[labels] <= max_cells))
+    return np.asarray(unseen & (sizes[labels] <= MAX_UNKNOWN_CELLS))
 
 
 def _reached(free: BoolArray, grid: EvidenceGrid, x: FloatArray) -> BoolArray:
@@ -207,16 +217,3 @@ def _place_variance(hits: NDArray[np.int32], variance: NDArray[np.float32], s: M
     Only so much is assumed to average out: the errors of consecutive poses are alike.
     """
     return s.scan.sigma_range**2 + float(variance.sum()) / max(1, int(hits.sum()))
-
-
-def _redrawn(found: Found, grid: EvidenceGrid, s: MappingSettings) -> Found:
-    """Return obstacles as boxes or hulls of their end points, which are as uncertain as one of these."""
-    redrawn: Found = []
-    for _, points in found:
-        cells = grid.cells(points)
-        covariance = _place_variance(grid.hits[cells], grid.variance[cells], s) * np.eye(2)
-        if s.shapes == "hulls":
-            redrawn.append((hull_estimate(points, covariance), points))
-        else:
-            redrawn.append((ObstacleEstimate(plain_box(points), covariance), points))
-    return redrawn

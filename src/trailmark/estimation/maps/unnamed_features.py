@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.filter.motion import PoseIncrement
 from trailmark.estimation.filter.sensors import RangeBearing
+from trailmark.estimation.graph.batch import GATE as BATCH_GATE
 from trailmark.estimation.graph.batch import Batch
-from trailmark.estimation.graph.estimate import Estimate
-from trailmark.estimation.graph.gauge import relative_covariance
+from trailmark.estimation.graph.estimate import Estimate, relative_covariance
 from trailmark.estimation.graph.reassociation import Labels, assigned, merged, split, without_unseen
 from trailmark.estimation.graph.residual_checks import description_length
 from trailmark.estimation.logs.records import Detection, Increment, Record
 from trailmark.estimation.slam.ekf_slam import EkfSlam
-from trailmark.estimation.slam.slam_settings import SlamSettings
+from trailmark.estimation.slam.slam_result import SlamSettings
 from trailmark.se2 import FloatArray
 
 __all__ = ["Association", "associated"]
@@ -107,8 +107,8 @@ def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> 
     poses = estimate.solution.poses
     for _ in range(2):
         readings = batch.readings(single=True)
-        labels = merged(labels, estimate.feature_covariance(), readings.instant, batch.settings.gate)
-        labels = assigned(labels, poses, readings, PLACE_SIGMA, batch.settings.gate)
+        labels = merged(labels, estimate.feature_covariance(), readings.instant, BATCH_GATE)
+        labels = assigned(labels, poses, readings, PLACE_SIGMA, BATCH_GATE)
         labels = split(labels, poses, readings, PLACE_SIGMA, confirm)
         labels = without_unseen(labels, poses, readings, confirm)
         estimate = batch.solve(poses, labels.places, labels.feature)
@@ -135,7 +135,6 @@ def _filtered(
             gate=GATE,
             new_gate=NEW_GATE,
             timeout=np.inf,
-            late="skip",
         ),
         start=poses[0],
     )

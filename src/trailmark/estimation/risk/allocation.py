@@ -21,55 +21,12 @@ from trailmark.edits import index_of
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.growth import Spread
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Polygon, Shape
-from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
+from trailmark.shapes import Shape
+from trailmark.world import ObstacleEstimate, RiskBound, World
 
-__all__ = ["grown_world", "refined", "regrow"]
+__all__ = ["refined", "regrow"]
 
 Matrix3 = Annotated[ArrayLike, shaped(3, 3)]
-
-
-@checked_arguments(EstimationError)
-def grown_world(
-    estimates: Sequence[ObstacleEstimate],
-    bounds: tuple[float, float, float, float],
-    confidence: Probability,
-    *,
-    name: str = "map",
-    robot: Robot | None = None,
-    boundary: Polygon | None = None,
-    queries: Sequence[Query] = (),
-    fixed: Sequence[Shape] = (),
-    weights: Numbers | None = None,
-    pose_covariance: Matrix3 | None = None,
-) -> World:
-    """Return a world in which a valid path meets none of the true obstacles with at least the stated probability.
-
-    Args:
-        estimates: the obstacles; what share of the risk they carry already is overridden.
-        bounds: of the world.
-        confidence: above 0 and below 1.
-        name: of the world.
-        robot: of the world. A pose covariance needs it: its size says what a heading error moves.
-        boundary: of the world; counts as known.
-        queries: of the world.
-        fixed: further obstacles, which count as known.
-        weights: see :func:`regrow`; None gives all the same.
-        pose_covariance: see :func:`trailmark.estimation.grow`.
-
-    Raises:
-        EstimationError: a value out of these ranges, a pose covariance without a robot.
-    """
-    plain = World(
-        name,
-        bounds,
-        (*(estimate.mean for estimate in estimates), *fixed),
-        robot,
-        boundary,
-        tuple(queries),
-        (*estimates, *(None for _ in fixed)),
-    )
-    return regrow(plain, confidence, weights=_shares(len(estimates), weights), pose_covariance=pose_covariance)
 
 
 @checked_arguments(EstimationError)

@@ -7,30 +7,73 @@ from the scanner: ρ is then negative where the scanner stands farther out than 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.estimation.logs.records import Detection, Scan
+from trailmark.checked import Positive, PositiveOrInfinite, checked_fields
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.fits import DiscFit, LineFit, fit_circle_roughly, fit_disc, fit_line
-from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.se2 import FloatArray, transform, wrap
 
 __all__ = [
     "ScanFeatures",
     "ScanPoints",
-    "dbscan_groups",
-    "disc_finder",
+    "ScanSettings",
     "find_features",
     "jump_groups",
-    "line_finder",
     "scan_points",
     "split_and_merge",
 ]
 
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """What is known of a scanner.
+
+    Raises:
+        EstimationError: a value that is not allowed.
+    """
+
+    sigma_range: Positive = 0.02
+    """Standard deviation of a range, metres (a SICK LMS's: some 1 to 2 cm)."""
+    sigma_bearing: Positive = 0.003
+    """Standard deviation of a beam's direction, radians: its width, not the step from beam to beam."""
+    max_range: PositiveOrInfinite = math.inf
+    """Metres: end points farther away are left out."""
+
+    def __post_init__(self) -> None:
+        checked_fields(self, EstimationError)
+
+
 IntArray = NDArray[np.intp]
+
+INCIDENCE = math.radians(10.0)
+"""The smallest angle, radians, between a beam and a continuous surface that it is assumed to meet."""
+
+SPLIT = 0.06
+"""Metres that an end point may lie off a line before the line is split: three deviations of a range."""
+
+MIN_POINTS = 6
+"""End points that a line or a disc needs: of fewer, noise alone makes either."""
+
+MIN_LENGTH = 0.3
+"""Metres that a line needs."""
+
+LINE_MISFIT = 4.0
+"""Sum of squared residuals over variances, per degree of freedom, that a line may have: walls are not flat."""
+
+DISC_RADII = (0.03, 0.6)
+"""Metres: radii that a disc may have, from a table's leg to a column."""
+
+DISC_ARC = math.radians(100.0)
+"""Radians of a disc's outline that must be seen: of less, corners and bent walls make circles too."""
+
+DISC_MISFIT = 2.0
+"""The sum of a disc; where a line has no more, it is a line."""
 
 
 class ScanPoints(NamedTuple):
@@ -95,12 +138,12 @@ def jump_groups(hits: ScanPoints, settings: ScanSettings) -> list[IntArray]:
     gap = np.hypot(*(hits.points[following] - hits.points).T)
     angle = (hits.beams[following] - hits.beams) * hits.step
     angle[-1] = math.inf if not hits.closed else wrap(float(angle[-1]))
-    grazing = np.minimum(np.abs(angle), settings.incidence)
+    grazing = np.minimum(np.abs(angle), INCIDENCE)
     reach = np.divide(
         np.minimum(hits.ranges, hits.ranges[following]) * np.sin(grazing),
-        np.sin(settings.incidence - grazing),
+        np.sin(INCIDENCE - grazing),
         out=np.zeros(n),
-        where=grazing < 0.9 * settings.incidence,
+        where=grazing < 0.9 * INCIDENCE,
     )
     ends = np.flatnonzero((gap > reach + 3.0 * settings.sigma_range) | ~np.isfinite(angle))
     if len(ends) == 0:
@@ -108,20 +151,6 @@ def jump_groups(hits: ScanPoints, settings: ScanSettings) -> list[IntArray]:
     # From behind one break to the next; in a closed sweep the last group goes on at the beginning.
     order = np.roll(np.arange(n), -(int(ends[-1]) + 1))
     return np.split(order, (ends[:-1] - int(ends[-1])) % n)
-
-
-def dbscan_groups(hits: ScanPoints, settings: ScanSettings) -> list[IntArray]:
-    """Return the end points' places by cluster of scikit-learn's DBSCAN (Ester et al. 1996), each in the sweep's order.
-
-    Points of no cluster are groups of one.
-    """
-    from sklearn.cluster import DBSCAN
-
-    if len(hits.points) == 0:
-        return []
-    labels = DBSCAN(eps=settings.eps, min_samples=settings.min_samples).fit_predict(hits.points)
-    groups = [np.flatnonzero(labels == label) for label in range(int(labels.max()) + 1)]
-    return groups + [np.array([i]) for i in np.flatnonzero(labels < 0)]
 
 
 def split_and_merge(points: ArrayLike, threshold: float) -> list[IntArray]:
@@ -165,17 +194,16 @@ def find_features(scan: Scan, settings: ScanSettings | None = None) -> tuple[Sca
     """
     s = settings or ScanSettings()
     hits = scan_points(scan, s)
-    groups = jump_groups(hits, s) if s.groups == "jump" else dbscan_groups(hits, s)
     lines, discs, others = list[LineFit](), list[DiscFit](), list[IntArray]()
-    for group in groups:
-        disc = _disc_in(hits, group, s)
+    for group in jump_groups(hits, s):
+        disc = _disc_in(hits, group)
         if disc is not None:
             discs.append(disc)
             continue
         rest = []
-        for piece in split_and_merge(hits.points[group], s.split):
+        for piece in split_and_merge(hits.points[group], SPLIT):
             own = group[piece]
-            line = _line_in(hits, own, s)
+            line = _line_in(hits, own)
             if line is None:
                 rest.append(own)
             else:
@@ -185,62 +213,35 @@ def find_features(scan: Scan, settings: ScanSettings | None = None) -> tuple[Sca
     return hits, ScanFeatures(tuple(lines), tuple(discs), tuple(others))
 
 
-def line_finder(settings: ScanSettings | None = None) -> Callable[[Scan], Sequence[Detection]]:
-    """Return what finds the lines of a scan as detections of kind ``line``: ρ >= 0 and α in the robot's frame."""
-
-    def find(scan: Scan) -> list[Detection]:
-        _, features = find_features(scan, settings)
-        found = []
-        for fit in features.lines:
-            rho, alpha = fit.line
-            sign = -1.0 if rho < 0.0 else 1.0
-            z = np.array([abs(rho), float(wrap(alpha + (math.pi if rho < 0.0 else 0.0)))])
-            flip = np.diag([sign, 1.0])
-            found.append(Detection(scan.t, z, "line", None, flip @ fit.covariance @ flip))
-        return found
-
-    return find
-
-
-def disc_finder(settings: ScanSettings | None = None) -> Callable[[Scan], Sequence[Detection]]:
-    """Return what finds the discs of a scan as detections of kind ``cartesian``: their centres."""
-
-    def find(scan: Scan) -> list[Detection]:
-        _, features = find_features(scan, settings)
-        return [Detection(scan.t, fit.disc[:2], "cartesian", None, fit.covariance[:2, :2]) for fit in features.discs]
-
-    return find
-
-
-def _line_in(hits: ScanPoints, own: IntArray, s: ScanSettings) -> LineFit | None:
-    if len(own) < s.min_points:
+def _line_in(hits: ScanPoints, own: IntArray) -> LineFit | None:
+    if len(own) < MIN_POINTS:
         return None
     ends = hits.points[own[[0, -1]]]
-    if np.hypot(*(ends[1] - ends[0])) < s.min_length:
+    if np.hypot(*(ends[1] - ends[0])) < MIN_LENGTH:
         return None
     fit = fit_line(hits.points[own], hits.covariances[own], hits.origin)
-    if fit.misfit > s.line_misfit:
+    if fit.misfit > LINE_MISFIT:
         return None
     # A surface rougher than the sensor's noise: its scatter is what the line is known by.
     return fit._replace(covariance=max(1.0, fit.misfit) * fit.covariance, indices=own)
 
 
-def _disc_in(hits: ScanPoints, group: IntArray, s: ScanSettings) -> DiscFit | None:
-    if len(group) < s.min_points:
+def _disc_in(hits: ScanPoints, group: IntArray) -> DiscFit | None:
+    if len(group) < MIN_POINTS:
         return None
     points, covariances = hits.points[group], hits.covariances[group]
-    if np.ptp(points, axis=0).max() > 2.0 * s.disc_radii[1]:
+    if np.ptp(points, axis=0).max() > 2.0 * DISC_RADII[1]:
         return None
     rough = fit_circle_roughly(points)
-    if rough is None or rough[2] > 2.0 * s.disc_radii[1] or _arc(points, rough) < 0.5 * s.disc_arc:
+    if rough is None or rough[2] > 2.0 * DISC_RADII[1] or _arc(points, rough) < 0.5 * DISC_ARC:
         return None
-    if fit_line(points, covariances, hits.origin).misfit <= s.disc_misfit:
+    if fit_line(points, covariances, hits.origin).misfit <= DISC_MISFIT:
         return None
     fit = fit_disc(points, covariances)
-    if fit is None or not s.disc_radii[0] <= fit.disc[2] <= s.disc_radii[1] or fit.misfit > s.disc_misfit:
+    if fit is None or not DISC_RADII[0] <= fit.disc[2] <= DISC_RADII[1] or fit.misfit > DISC_MISFIT:
         return None
     bulge = float((points.mean(axis=0) - fit.disc[:2]) @ (hits.origin - fit.disc[:2]))
-    if _arc(points, fit.disc) < s.disc_arc or bulge <= 0.0:
+    if _arc(points, fit.disc) < DISC_ARC or bulge <= 0.0:
         return None
     return fit._replace(indices=group)
 

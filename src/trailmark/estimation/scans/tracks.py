@@ -6,15 +6,13 @@ Q is 0, so each scan that shows it is one EKF update.
 
 The errors of poses that follow one another are anything but independent, so what they do to a feature does not
 average out over its scans. The update weighs a scan by its whole uncertainty, and :meth:`Tracks.covariance` adds
-what a pose's errors do to the feature on average, less what averages out over episodes: poses of different episodes
-are assumed to have independent errors, those of one episode equal ones.
+what a pose's errors do to the feature on average.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +53,6 @@ class Tracks(ABC):
         scans: shape (n,), how many scans showed each.
         readings: of each, the end points of its scans, arrays of shape (m, 2), thinned where they are very many.
         sightings: shape (n,), how many features of scans make up each.
-        episodes: of each, how many of its sightings are of which episode.
         pose_covariance: of the scan that observations are made of next, shape (3, 3).
 
     Args:
@@ -70,7 +67,6 @@ class Tracks(ABC):
         self.scans = np.empty(0, dtype=np.intp)
         self.sightings = np.empty(0, dtype=np.intp)
         self.readings: list[list[FloatArray]] = []
-        self.episodes: list[Counter[int]] = []
         self._pose_part = np.empty((0, dim, dim))
         self._gate = float(chi_square_quantile(gate, dim))
         self.pose_covariance = np.asarray(pose_covariance, dtype=np.float64)
@@ -86,12 +82,11 @@ class Tracks(ABC):
     def near(self, observed: Observation) -> FloatArray:
         """Return which tracks lie where the feature is, shape (n,)."""
 
-    def update(self, found: list[Observation], episode: int = 0) -> None:
+    def update(self, found: list[Observation]) -> None:
         """Take in the features of one scan, each into the nearest track that lets it through its gate, or a new one.
 
         Args:
             found: the features.
-            episode: which one the scan's pose belongs to.
         """
         updated = set[int]()
         for observed in found:
@@ -100,20 +95,13 @@ class Tracks(ABC):
                 at = self._start(observed)
             else:
                 self._refine(at, observed)
-            self.episodes[at][episode] += 1
             if at not in updated:
                 self.scans[at] += 1
                 updated.add(at)
 
     def covariance(self, at: int) -> FloatArray:
-        """Return a track's covariance with the part of the poses that does not average out, shape (d, d).
-
-        The mean of errors that are alike within episodes, with shares w of the sightings, and independent from one to
-        the next has Σ w² of one error's variance.
-        """
-        counts = np.array(list(self.episodes[at].values()), dtype=np.float64)
-        left = float((counts**2).sum() / counts.sum() ** 2)
-        return np.asarray(self.P[at] + left * self._pose_part[at] / self.sightings[at])
+        """Return a track's covariance with the part of the poses, which does not average out, shape (d, d)."""
+        return np.asarray(self.P[at] + self._pose_part[at] / self.sightings[at])
 
     def merge(self) -> None:
         """Join tracks that turn out to be one: those that let each other through their gates."""
@@ -127,7 +115,6 @@ class Tracks(ABC):
                 self._pose_part[other] += self._pose_part[at] - whole.R_pose
                 self.scans[other] += self.scans[at]
                 self.sightings[other] += self.sightings[at] - 1
-                self.episodes[other].update(self.episodes[at])
                 self._drop(at)
 
     def drop_unconfirmed(self, confirm: int) -> int:
@@ -156,7 +143,6 @@ class Tracks(ABC):
         self._pose_part = np.concatenate([self._pose_part, observed.R_pose[None]])
         self.scans, self.sightings = np.append(self.scans, 0), np.append(self.sightings, 1)
         self.readings.append([observed.readings])
-        self.episodes.append(Counter())
         return len(self) - 1
 
     def _refine(self, at: int, observed: Observation) -> None:
@@ -177,7 +163,7 @@ class Tracks(ABC):
         self.states, self.P = np.delete(self.states, at, axis=0), np.delete(self.P, at, axis=0)
         self._pose_part, self.scans = np.delete(self._pose_part, at, axis=0), np.delete(self.scans, at)
         self.sightings = np.delete(self.sightings, at)
-        del self.readings[at], self.episodes[at]
+        del self.readings[at]
 
 
 class LineTracks(Tracks):

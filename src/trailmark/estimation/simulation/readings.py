@@ -23,7 +23,7 @@ from trailmark.world import World
 if TYPE_CHECKING:
     import shapely
 
-__all__ = ["RefinedPoint", "RefinedPoints", "refine_point", "refine_points", "sense_obstacles"]
+__all__ = ["RefinedPoints", "refine_points", "sense_obstacles"]
 
 BoolArray = NDArray[np.bool_]
 Readings = Annotated[ArrayLike, shaped(None, 2, minimum=1)]
@@ -39,15 +39,6 @@ STAND_OFF = 1e-6
 """Metres: a line of sight ends this far before its point, which lies on an obstacle itself."""
 
 
-class RefinedPoint(NamedTuple):
-    """A point feature."""
-
-    point: FloatArray
-    """Position in the world, shape (2,), metres."""
-    covariance: FloatArray
-    """Shape (2, 2), square metres."""
-
-
 class RefinedPoints(NamedTuple):
     """Point features, each estimated by itself."""
 
@@ -55,22 +46,6 @@ class RefinedPoints(NamedTuple):
     """Positions in the world, shape (b, 2), metres."""
     covariances: FloatArray
     """Shape (b, 2, 2), square metres."""
-
-
-@checked_arguments(EstimationError)
-def refine_point(readings: Readings, poses: Numbers, sensor: RangeBearing) -> RefinedPoint:
-    """Return a static point feature from its readings: :func:`refine_points` for one.
-
-    Args:
-        readings: range (metres) and bearing (radians), shape (m, 2), m >= 1, in the order they were taken.
-        poses: where from, shape (m, 3) or (3,).
-        sensor: its noise.
-
-    Raises:
-        EstimationError: other shapes, or values that are not finite.
-    """
-    points, covariances = refine_points(np.asarray(readings)[None], poses, sensor)
-    return RefinedPoint(points[0], covariances[0])
 
 
 @checked_arguments(EstimationError)

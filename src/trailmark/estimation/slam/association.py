@@ -18,13 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.filter.ekf import SlamFilter
 from trailmark.estimation.filter.gain import Prediction
-from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.filter.sensors import SensorModel
 from trailmark.estimation.logs.records import Detection
-from trailmark.estimation.slam.slam_result import Counts
-from trailmark.estimation.slam.slam_settings import SlamSettings
+from trailmark.estimation.slam.slam_result import Counts, SlamSettings
 from trailmark.se2 import FloatArray
 
-__all__ = ["IGNORED", "NEW", "Associator", "clear", "compatibility", "distinct", "joint_compatibility", "nearest"]
+__all__ = ["IGNORED", "NEW", "Associator", "compatibility", "distinct", "joint_compatibility", "nearest"]
 
 NEW = -1
 """Stands for a feature not seen before."""
@@ -106,25 +105,6 @@ def nearest(d2: ArrayLike, gate: float, new_gate: float) -> IntArray:
         if least[i] <= gate and feature[i] not in assigned:
             assigned[i] = feature[i]
     return assigned
-
-
-def clear(assigned: ArrayLike, d2: ArrayLike, margin: float) -> IntArray:
-    """Return the association, shape (r,), without the readings that fit another feature nearly as well.
-
-    Only features that no other reading went to count: where readings of an instant compete, they settle it together.
-
-    Args:
-        assigned: for each reading its feature's number, or NEW or IGNORED, shape (r,).
-        d2: squared Mahalanobis distances, shape (r, k).
-        margin: by how much the d² to each other feature must be larger.
-    """
-    result, distance = np.array(assigned, dtype=np.intp), np.array(d2, dtype=np.float64)
-    pairs = np.flatnonzero(result >= 0)
-    own = distance[pairs, result[pairs]]
-    distance[:, result[pairs]] = np.inf
-    unclear = (distance[pairs] < (own + margin)[:, None]).any(axis=1)
-    result[pairs[unclear]] = IGNORED
-    return result
 
 
 def distinct(assigned: ArrayLike, d2: ArrayLike, new_gate: float) -> IntArray:
@@ -246,8 +226,6 @@ class Associator:
             found = joint_compatibility(fit, joint, gate, new_gate, probability=settings.gate)
             assigned = found.assigned
             self._counts.cut_short += not found.complete
-        if settings.margin > 0.0:
-            assigned = clear(assigned, fit.d2, settings.margin)
         if settings.distinct:
             assigned = distinct(assigned, fit.d2, new_gate)
         self._counts.ambiguous += int(np.count_nonzero(assigned == IGNORED))

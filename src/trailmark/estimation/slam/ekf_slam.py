@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
@@ -15,18 +15,135 @@ from trailmark.arguments import brief, real
 from trailmark.checked import checked_arguments
 from trailmark.errors import expected_name
 from trailmark.estimation.errors import EstimationError, RecordError
+from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.filter.ekf import Mode, SlamFilter
 from trailmark.estimation.filter.motion import MotionModel
-from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.filter.sensors import SensorModel
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.slam.association import NEW, Associator, repeats
-from trailmark.estimation.slam.feature_histories import FeatureHistories
-from trailmark.estimation.slam.field_of_view import FieldOfView
-from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult, Update
-from trailmark.estimation.slam.slam_settings import SlamSettings
+from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult, SlamSettings, Update
 from trailmark.se2 import FloatArray
 
-__all__ = ["EkfSlam"]
+__all__ = ["CURVATURE", "EkfSlam", "FeatureHistories", "FeatureHistory"]
+
+
+@dataclass
+class FeatureHistory:
+    """What is known of a feature besides its estimate."""
+
+    identity: int | None
+    confirmed: bool
+    last: float
+    readings: int = 1
+    seen_with: set[int] = field(default_factory=set)
+    """Features that were read at one instant with it: they are not the same."""
+
+
+class FeatureHistories:
+    """The histories of a filter's features; features that are dropped or merged leave the filter, too.
+
+    Args:
+        ekf: the filter.
+        settings: when a feature counts, and when two are one.
+    """
+
+    def __init__(self, ekf: SlamFilter, settings: SlamSettings) -> None:
+        self._filter, self._settings = ekf, settings
+        self.histories: dict[int, FeatureHistory] = {}
+        self.ids: dict[int, int] = {}
+
+    def add(self, feature: int, identity: int | None, *, confirmed: bool, time: float, readings: int = 1) -> None:
+        """Begin the history of a feature."""
+        self.histories[feature] = FeatureHistory(identity, confirmed, time, readings)
+        if identity is not None:
+            self.ids[identity] = feature
+
+    def read(self, features: list[int], time: float) -> None:
+        """Count a reading of each of these features, all of one instant."""
+        for feature in features:
+            history = self.histories[feature]
+            history.readings, history.last = history.readings + 1, time
+            history.confirmed = history.confirmed or history.readings >= self._settings.confirm
+
+    def separate(self, features: list[int]) -> None:
+        """Note that these features were read at one instant: they are different ones."""
+        for feature in features:
+            self.histories[feature].seen_with.update(other for other in features if other != feature)
+
+    def drop_stale(self, time: float) -> int:
+        """Drop tentative features that were not read for a while; return how many."""
+        stale = [
+            i
+            for i, history in self.histories.items()
+            if not history.confirmed and time - history.last > self._settings.timeout
+        ]
+        for i in stale:
+            self._remove(i)
+        return len(stale)
+
+    def merge(self, features: list[int]) -> dict[int, int]:
+        """Merge these features with others that may be the same; return which became which.
+
+        Two features are one if they were never read at one instant and their difference passes the gate
+        ``merge_gate`` by its covariance, which counts all they have in common. The filter then takes them for
+        equal, which is exact, and one of them is removed.
+        """
+        gone: dict[int, int] = {}
+        limit = chi_square_quantile(self._settings.merge_gate or 0.0, 2)
+        for i in features:
+            if i in gone:
+                continue
+            history = self.histories[i]
+            others = [j for j in self.histories if j != i and j not in history.seen_with]
+            if not others:
+                continue
+            d2 = self._differences(i, others)
+            best = int(d2.argmin())
+            if d2[best] > limit:
+                continue
+            keep, drop = sorted((i, others[best]), key=lambda k: -self.histories[k].readings)
+            self._filter.merge_features(keep, drop)
+            self._join(keep, drop)
+            gone[drop] = keep
+        return gone
+
+    def _differences(self, i: int, others: list[int]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        """Return the squared Mahalanobis distance of a point to others, shape (k,)."""
+        x, P, places = self._filter.x, self._filter.P, self._filter.features
+        own, at = places[i], np.array([places[j].start for j in others])[:, None] + np.arange(2)
+        cross = P[at, own]
+        D = P[at[:, :, None], at[:, None, :]] + P[own, own] - cross - np.swapaxes(cross, 1, 2)
+        # Two features of one certain pose may have one and the same error.
+        D = D + 1e-12 * np.eye(2)
+        delta = x[at] - x[own]
+        return np.asarray((delta[:, None, :] @ np.linalg.solve(D, delta[..., None]))[:, 0, 0])
+
+    def _join(self, keep: int, drop: int) -> None:
+        merged, other = self.histories[keep], self.histories.pop(drop)
+        merged.readings += other.readings
+        merged.confirmed, merged.last = merged.confirmed or other.confirmed, max(merged.last, other.last)
+        merged.seen_with |= other.seen_with
+        for history in self.histories.values():
+            if drop in history.seen_with:
+                history.seen_with.discard(drop)
+                history.seen_with.add(keep)
+        self.ids = {name: keep if i == drop else i for name, i in self.ids.items()}
+
+    def _remove(self, feature: int) -> None:
+        self._filter.remove_feature(feature)
+        del self.histories[feature]
+        for history in self.histories.values():
+            history.seen_with.discard(feature)
+
+
+ITERATIONS = 3
+"""How often at most the filter linearises an update anew: after two steps hardly anything changes."""
+
+CURVATURE = 6.0
+"""By what the mean square of what a linearised reading misses is multiplied to count as its noise. With 0, the filter
+of the books, features are too sure where bearings are coarse, since an error β takes r β²/2 from the range r. 1 gives
+right variances. 6 gives a right confidence of 0.99 after one reading as well, though β² has a longer tail than a normal
+deviate: with the quantiles t of χ²₁ and s of χ²₂, c of t + (t/2)² / (0.75 c) = s is 5.7."""
 
 
 class EkfSlam:
@@ -36,7 +153,7 @@ class EkfSlam:
         - Odometry holds from its time on until the next; increments end at their time. Both add up.
         - At one instant motion comes before readings, whatever their order in the log; all readings of an instant
           are associated and used together, once a later record comes or :meth:`finish` is called.
-        - A record older than one already processed is an error, or skipped and counted (``settings.late``).
+        - A record older than one already processed is an error.
         - A record that repeats one of the same instant is skipped and counted: odometry or an increment with the same
           numbers, a detection with the same identity or the same reading.
 
@@ -48,7 +165,6 @@ class EkfSlam:
         sensors: the sensor model of each kind of detection (``Detection.kind``).
         velocity: the model for odometry records, u = (v, ω, dt).
         increment: the model for increments, u = (dx, dy, dθ).
-        find: what finds detections in a scan; None leaves scans out.
         settings: how readings find their features.
         start: first pose.
         P: its covariance, shape (3, 3); None for a pose that is certain (the origin of the map, in SLAM).
@@ -64,7 +180,6 @@ class EkfSlam:
         *,
         velocity: MotionModel | None = None,
         increment: MotionModel | None = None,
-        find: Callable[[Scan], Sequence[Detection]] | None = None,
         settings: SlamSettings | None = None,
         start: ArrayLike = (0.0, 0.0, 0.0),
         P: ArrayLike | None = None,
@@ -74,29 +189,25 @@ class EkfSlam:
         self.settings = SlamSettings() if settings is None else settings
         if "auto" in (self.settings.association, self.settings.outlier_gate):
             raise EstimationError("EkfSlam: expected settings without 'auto', which map_log alone can resolve")
-        s = self.settings
-        self.filter = SlamFilter(start, P, mode, error=s.error, iterations=s.iterations, curvature=s.curvature)
+        self.filter = SlamFilter(start, P, mode, iterations=ITERATIONS, curvature=CURVATURE)
         self.counts = Counts()
         self.time = -np.inf
         self._sensors = dict(sensors)
-        self._velocity_model, self._increment_model, self._find = velocity, increment, find
+        self._velocity_model, self._increment_model = velocity, increment
         self._pose_covariance = pose_covariance
         self._odometry: Odometry | None = None
         self._increment: Increment | None = None
         self._waiting: list[Detection] = []
         self._features = FeatureHistories(self.filter, self.settings)
         self._associator = Associator(self.filter, self.settings, self.counts)
-        self._views: dict[str, FieldOfView] = {}
         self._trajectory: list[tuple[float, FloatArray, FloatArray]] = []
         self._updates: list[Update] = []
         self._assignments: list[Assignment] = []
 
     @checked_arguments(EstimationError)
-    def add_landmark(
-        self, feature: ArrayLike, P: ArrayLike | None = None, *, identity: int | None = None, kind: str = "point"
-    ) -> int:
+    def add_landmark(self, feature: ArrayLike, P: ArrayLike | None = None, *, identity: int | None = None) -> int:
         """Add a feature of a known map and return its id in the filter; P None for one that is certain."""
-        feature_id = self.filter.add_known_feature(feature, P, kind=kind)
+        feature_id = self.filter.add_known_feature(feature, P)
         self._features.add(feature_id, identity, confirmed=True, time=self.time, readings=0)
         return feature_id
 
@@ -104,7 +215,7 @@ class EkfSlam:
         """Process all records and return the result.
 
         Raises:
-            RecordError: a late record (where they are not skipped), or one of a kind that no model was given for.
+            RecordError: a late record, or one of a kind that no model was given for.
         """
         if not isinstance(records, Iterable):
             raise EstimationError(f"run: expected records, got {brief(records)}")
@@ -126,13 +237,10 @@ class EkfSlam:
             self.counts.not_estimated_from += 1
             return
         if record.t < self.time:
-            if self.settings.late == "raise":
-                raise RecordError(
-                    f"expected records in the order of time, got {type(record).__name__} at {record.t:.6f} s "
-                    f"after one at {self.time:.6f} s"
-                )
-            self.counts.late += 1
-            return
+            raise RecordError(
+                f"expected records in the order of time, got {type(record).__name__} at {record.t:.6f} s "
+                f"after one at {self.time:.6f} s"
+            )
         if record.t > self.time:
             self.finish()
             self._advance(record.t)
@@ -142,7 +250,7 @@ class EkfSlam:
             case Increment():
                 self._move(record)
             case Detection():
-                self._collect([record])
+                self._collect(record)
             case Scan():
                 self._scan(record)
             case Pose():
@@ -162,8 +270,6 @@ class EkfSlam:
             more_nis, more_dof = self._update(self._sensors[kind], detections, assigned)
             self._start_features(self._sensors[kind], detections, assigned)
             nis, dof = nis + more_nis, dof + more_dof
-            if self.settings.absences is not None and self.settings.association != "known":
-                self._miss(kind, detections)
         self.counts.dropped += self._features.drop_stale(self.time)
         self._remember()
         self._updates.append(Update(self.time, nis, dof, perf_counter() - begin))
@@ -174,7 +280,6 @@ class EkfSlam:
             MapFeature(
                 i,
                 history.identity,
-                self.filter.kind(i),
                 self.filter.feature(i),
                 self.filter.feature_covariance(i),
                 history.readings,
@@ -226,26 +331,22 @@ class EkfSlam:
         if record.pose is not None and self.filter.mode == "mapping":
             self.filter.set_pose(record.pose, self._pose_covariance)
             self._remember()
-        if self._find is None:
-            self.counts.not_estimated_from += 1
-        else:
-            self._collect(self._find(record))
+        self.counts.not_estimated_from += 1
 
-    def _collect(self, detections: Sequence[Detection]) -> None:
-        """Let detections wait for the others of their instant."""
-        for detection in detections:
-            self.counts.detections += 1
-            if not isinstance(detection.kind, str) or detection.kind not in self._sensors:
-                raise RecordError(
-                    f"Detection at {detection.t:.6f} s: kind with a sensor model: "
-                    f"{expected_name(str(detection.kind), self._sensors)}"
-                )
-            if not isinstance(detection.identity, int | np.integer | None):
-                raise RecordError(f"identity: expected a whole number or None, got {brief(detection.identity)}")
-            if any(repeats(detection, other) for other in self._waiting):
-                self.counts.repeated += 1
-            else:
-                self._waiting.append(detection)
+    def _collect(self, detection: Detection) -> None:
+        """Let a detection wait for the others of its instant."""
+        self.counts.detections += 1
+        if not isinstance(detection.kind, str) or detection.kind not in self._sensors:
+            raise RecordError(
+                f"Detection at {detection.t:.6f} s: kind with a sensor model: "
+                f"{expected_name(str(detection.kind), self._sensors)}"
+            )
+        if not isinstance(detection.identity, int | np.integer | None):
+            raise RecordError(f"identity: expected a whole number or None, got {brief(detection.identity)}")
+        if any(repeats(detection, other) for other in self._waiting):
+            self.counts.repeated += 1
+        else:
+            self._waiting.append(detection)
 
     def _update(
         self, sensor: SensorModel, detections: Sequence[Detection], assigned: Sequence[int]
@@ -265,9 +366,7 @@ class EkfSlam:
         known, seen = self.settings.association == "known", list[int]()
         for detection, i in zip(detections, assigned, strict=True):
             feature = i if i >= 0 else None
-            if i == NEW and self.filter.mode == "localisation":
-                self.counts.unknown += 1
-            elif i == NEW:
+            if i == NEW:
                 feature = self.filter.add_feature(detection.z, sensor, detection.covariance)
                 identity = detection.identity if known else None
                 confirmed = known or self.settings.confirm == 1
@@ -279,19 +378,6 @@ class EkfSlam:
         if not known and self.settings.merge_gate is not None and self.filter.mode == "slam":
             self._features.separate(seen)
             self._merge(seen)
-
-    def _miss(self, kind: str, detections: Sequence[Detection]) -> None:
-        """Count which features should have been read at this instant, and were not."""
-        view = self._views.setdefault(kind, FieldOfView())
-        prediction = self.filter.predict_readings(self._sensors[kind])
-        inside = view.holds(prediction.z_hat)
-        missed = [
-            i
-            for i, held in zip(prediction.ids, inside, strict=True)
-            if held and self._features.histories[i].last < self.time
-        ]
-        self.counts.absent += self._features.drop_absent(missed)
-        view.learn(np.array([detection.z for detection in detections]))
 
     def _merge(self, seen: list[int]) -> None:
         """Merge features that were seen now with others that may be the same, in what was written down, too."""

@@ -3,15 +3,55 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from trailmark.checked import Count, PositiveOrInfinite, Probability, checked_fields
+from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.consistency import Consistency, average
 from trailmark.estimation.logs.records import Detection
 from trailmark.se2 import FloatArray
 
-__all__ = ["Assignment", "Counts", "MapFeature", "SlamResult", "Update"]
+__all__ = ["Assignment", "AssociationMethod", "Counts", "MapFeature", "SlamResult", "SlamSettings", "Update"]
+
+
+AssociationMethod = Literal["known", "nearest", "joint"]
+
+
+@dataclass(frozen=True)
+class SlamSettings:
+    """How readings find their features, and when a feature counts.
+
+    The choice "auto" is for :func:`trailmark.estimation.map_log`, which reads the whole log before it runs.
+
+    Raises:
+        EstimationError: a value that is not allowed.
+    """
+
+    association: AssociationMethod | Literal["auto"] = "known"
+    """"known": by the identity that the sensor reports; "nearest": gated nearest neighbour; "joint": JCBB; "auto":
+    known if any detection of the log has an identity, else joint."""
+    gate: Probability = 0.99
+    """Probability that a reading passes the gate of its own feature; also of JCBB's joint gate."""
+    new_gate: Probability = 0.999999
+    """Probability that a reading of a feature passes that feature's second gate: what passes none is new."""
+    distinct: bool = False
+    """Without identities: whether a reading whose near features all went to others of its instant shows a new one."""
+    merge_gate: Probability | None = None
+    """Without identities: probability that two estimates of one point pass as one; None merges none."""
+    outlier_gate: Probability | Literal["auto"] | None = None
+    """With known identities: probability that a reading passes, those that do not are ignored; None lets all pass.
+    "auto": 0.9999; where much fails it, the noise is estimated."""
+    confirm: Count = 3
+    """Readings after which a feature is confirmed. One of known identity is from the first on."""
+    timeout: PositiveOrInfinite = 10.0
+    """Seconds without a reading after which a tentative feature is dropped."""
+
+    def __post_init__(self) -> None:
+        checked_fields(self, EstimationError)
+        if self.gate > self.new_gate:
+            raise EstimationError(f"SlamSettings: expected gate <= new_gate, got {self.gate}, {self.new_gate}")
 
 
 @dataclass
@@ -21,11 +61,9 @@ class Counts:
     records: int = 0
     """All of them."""
     detections: int = 0
-    """Detections, those found in scans included."""
+    """Detections."""
     used: int = 0
     """Detections that corrected the state or started a feature."""
-    late: int = 0
-    """Records older than what had been processed, skipped."""
     repeated: int = 0
     """Records that say again what one of the same instant said, skipped."""
     ambiguous: int = 0
@@ -34,14 +72,10 @@ class Counts:
     """Detections of a known identity too far from what they should have read, ignored."""
     unidentified: int = 0
     """Detections without the identity that the association asks for, ignored."""
-    unknown: int = 0
-    """Detections of what the known map does not hold, ignored."""
     not_estimated_from: int = 0
-    """Poses that are truth or a reference, and scans that no feature is extracted from."""
+    """Poses that are truth or a reference, and scans."""
     dropped: int = 0
     """Tentative features that were not seen again in time."""
-    absent: int = 0
-    """Features that were not seen where they should have been, and were dropped."""
     merged: int = 0
     """Features that turned out to be another one."""
     cut_short: int = 0
@@ -81,8 +115,6 @@ class MapFeature(NamedTuple):
     """Its id in the filter."""
     identity: int | None
     """The number that the sensor gives it, where identities are known."""
-    kind: str
-    """"point" or "line"."""
     mean: FloatArray
     """Shape (d,)."""
     covariance: FloatArray
