@@ -48,7 +48,6 @@ def test_a_run_is_measured(name: str, certified: bool) -> None:
         assert run.curve[0][0] == run.time
     else:
         assert run.time == pytest.approx(0.2, abs=0.2)
-        assert len(run.curve) > 1 or name.startswith("PRM")  # whose first path here may be its best
 
 
 @pytest.mark.parametrize("name", ["RRTstar", "PRM", "PRMstar", "BITstar", "RRTConnect"])

@@ -293,7 +293,13 @@ def test_audits_let_a_path_leave() -> None:
 def test_where_no_certified_way_leads_out_the_reason_says_so() -> None:
     """Driving forwards alone, whatever the robot does first takes it deeper."""
     robot = Robot.rectangle(0.8, 0.4).differential(reverse=False)
-    world = World("strip", (0, 0, 10, 10), (), robot, zones=(KeepOutZone(Polygon([(0, 0), (10, 0), (10, 1), (0, 1)])),))
+    world = World(
+        "strip",
+        (0, 0, 10, 10),
+        (),
+        robot,
+        zones=(KeepOutZone(Polygon(np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 1.0], [0.0, 1.0]]))),),
+    )
     result = LandmarkPlanner(world, seed=0).plan((5.0, 0.7, -0.5), (7.0, 6.0, 1.2), time_limit=0.5)
     assert result.status == "timeout"
     assert "no certified way out of keep-out zone 0" in result.reason

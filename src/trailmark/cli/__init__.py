@@ -39,9 +39,6 @@ from trailmark.errors import InputWarning, InternalErrorWarning, TrailmarkError
 
 __all__ = ["app", "main"]
 
-_ALLOCATIONS = 10_000
-"""Objects between two garbage collections: frequent ones free nothing, for imports and kernels stay."""
-
 app = typer.Typer(
     name="trailmark",
     help="Plan and check collision-free paths for mobile robots in 2D maps.",
@@ -91,7 +88,7 @@ def main(args: Sequence[str] | None = None) -> int:
     atexit.register(_end_quickly)
     console.open_closed_streams()
     words = sys.argv[1:] if args is None else args
-    with _signals() as received, _rare_collections():
+    with _signals() as received:
         try:
             return _run(words)
         except UsageError as error:
@@ -151,20 +148,8 @@ def _keep_summaries(group: Any) -> None:
             _keep_summaries(command)
 
 
-@contextmanager
-def _rare_collections() -> Iterator[None]:
-    """Collect garbage less often, unless the process was started with it switched off or rarer still."""
-    before = gc.get_threshold()
-    if 0 < before[0] < _ALLOCATIONS:
-        gc.set_threshold(_ALLOCATIONS, *before[1:])
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
-
-
 def _end_quickly() -> None:
-    """Skip the last garbage collection, which takes a third of a second and frees nothing that the process keeps."""
+    """Skip the last garbage collection, which takes a fifth of a second and frees nothing that the process keeps."""
     # OMPL's bindings complain about each of their objects that is not collected.
     if "ompl" not in sys.modules:
         gc.freeze()

@@ -20,7 +20,6 @@ from trailmark.cli.options import option
 if TYPE_CHECKING:
     from trailmark.path import Path as TrailPath
     from trailmark.planning import PlanProgress, PlanResult
-    from trailmark.world import Robot, World
 
 __all__ = ["plan"]
 
@@ -168,7 +167,7 @@ def plan(
         written, found = timing.write(result, loaded, body, frame)
         record |= found
         shaped = plan_options.with_step(result.path, spacing, loaded, body)
-        if path_file is not None and _write_path(path_file, shaped, record, frame, loaded, body):
+        if path_file is not None and _write_path(path_file, shaped, record, frame):
             written.append(path_file)
         if picture is not None:
             from trailmark.plotting import save_plan_figure
@@ -204,9 +203,7 @@ def _stopping(asked: Event) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _write_path(
-    file: Path, path: TrailPath | None, record: dict[str, Any], frame: str, world: World, robot: Robot
-) -> bool:
+def _write_path(file: Path, path: TrailPath | None, record: dict[str, Any], frame: str) -> bool:
     """Write the path, or without one the JSON record that says so; return whether a file was written."""
     from trailmark.formats.files import write_atomically
     from trailmark.formats.path_files import write_path
