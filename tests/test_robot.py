@@ -79,49 +79,13 @@ def test_robots_are_parsed(text: str, robot: Robot) -> None:
     assert Robot.parse(text) == robot
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        *(
-            [
-                "disc",
-                "disc:",
-                "disc:x",
-                "disc:0",
-                "disc:-1",
-                "disc:nan",
-                "disc:inf",
-                "disc:1e300",
-                "disc:1,2",
-                "Disc:1",
-                "sphere:1",
-                "robot_radius:0",
-            ]
-        ),
-        *(
-            [
-                "rectangle:1",
-                "rectangle:1x2x3",
-                "rectangle:1xtwo",
-                "rectangle:0x1",
-                "polygon:",
-                "polygon:0,0;1,0",
-                "polygon:0,0;1,0;2,0",
-            ]
-        ),
-        *(["polygon:0,0;1;2,0", "polygon:0,0;1,1;1,0;0,1", "polygon:0,0,0;1,0,0;0,1,0", "[]", "[[]]", "[[0,0],[1,0]]"]),
-        *(
-            [
-                "[[0,0],[1,0],[0]]",
-                "[[0,0],[1,0],[0,1,2]]",
-                "[[0,0],[1,0],[0,1]",
-                "[0,0],[1,0],[0,1]",
-                "[[[0,0],[1,0],[0,1]]]",
-            ]
-        ),
-        *("", "[[0, 0], [1, 0], [0, x]] y"),
-    ],
-)
+NONE = """disc disc: disc:x disc:0 disc:-1 disc:nan disc:inf disc:1e300 disc:1,2 Disc:1 sphere:1 robot_radius:0
+rectangle:1 rectangle:1x2x3 rectangle:1xtwo rectangle:0x1 polygon: polygon:0,0;1,0 polygon:0,0;1,0;2,0
+polygon:0,0;1;2,0 polygon:0,0;1,1;1,0;0,1 polygon:0,0,0;1,0,0;0,1,0 [] [[]] [[0,0],[1,0]] [[0,0],[1,0],[0]]
+[[0,0],[1,0],[0,1,2]] [[0,0],[1,0],[0,1] [0,0],[1,0],[0,1] [[[0,0],[1,0],[0,1]]]"""
+
+
+@pytest.mark.parametrize("text", [*NONE.split(), "", "[[0, 0], [1, 0], [0, x]] y"])
 def test_other_robots_are_refused_in_one_line(text: str) -> None:
     with pytest.raises(ShapeError) as caught:
         Robot.parse(text)

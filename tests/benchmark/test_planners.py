@@ -27,13 +27,6 @@ def test_all_are_trailmarks_and_ompls_in_both_baselines() -> None:
     assert {"PRM", "RRTstar+certified"} <= wanted
 
 
-def test_native_planners_are_known_where_they_are_built(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = SimpleNamespace(native_planners=lambda: ["native:PRM"], __spec__=SimpleNamespace())
-    monkeypatch.setitem(sys.modules, "trailmark.benchmark.native", module)
-    assert read_planners(["native:prm"]) == ["native:PRM"]
-    assert known_planners()[-1] == "native:PRM"
-
-
 @pytest.mark.usefixtures("no_native")
 @pytest.mark.parametrize(
     ("given", "problem"),
@@ -100,11 +93,6 @@ def test_other_parameters_are_refused(name: str, problem: str) -> None:
     with pytest.raises(SuiteError, match=problem) as caught:
         read_planners([name])
     assert "\n" not in str(caught.value)
-
-
-def test_settings_tell_the_baselines_apart() -> None:
-    texts = {settings_of(name) for name in (*METHODS, "PRM", "PRM+certified", "native:PRM", "my:plan")}
-    assert len(texts) == len(METHODS) + 4
 
 
 def test_lattices_do_not_plan_for_cars() -> None:

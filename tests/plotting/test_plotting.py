@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from pathlib import Path as FilePath
 from types import SimpleNamespace
 from typing import Any
@@ -10,18 +11,27 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 from PIL import Image
 from tests.support.forks import Forks
 from tests.support.pictures import colours_of, is_colour
 
 from trailmark import plotting
+from trailmark.audit import check_path
 from trailmark.collision import StateChecker
+from trailmark.colours import COLLISION, REPAIRED
+from trailmark.curves import CurvePath, Steering
 from trailmark.errors import OutputError
 from trailmark.motion import motion_of
+from trailmark.moving import Moving
 from trailmark.path import Path
-from trailmark.planning.result import PlanResult
+from trailmark.planning.result import PlanResult, Status
+from trailmark.plotting import OBSTACLE, draw_plan, save_audit_figure, save_world_figure
+from trailmark.plotting.canvas import annotate, figure_of
+from trailmark.plotting.plan import add_progress
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 
@@ -261,3 +271,132 @@ def test_a_large_grid_map(tmp_path: FilePath, shared_data: FilePath) -> None:
 def test_no_global_state_of_pyplot(forks: Forks) -> None:
     program = "import sys, trailmark.plotting; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert forks.run(["-c", program], timeout=60.0).returncode == 0
+
+
+CAR_PLOTTING_CARS = Robot.rectangle(2.0, 1.0).steered(2.0)
+WORLD = World("open", (0.0, 0.0, 20.0, 20.0), robot=CAR_PLOTTING_CARS)
+KNOTS = np.array([(3.0, 3.0, 0.0), (10.0, 12.0, 3.0), (16.0, 5.0, -1.5)])
+
+
+def axes() -> Axes:
+    made = Figure().add_subplot()
+    made.set(xlim=(0, 20), ylim=(0, 20))
+    return made
+
+
+def test_the_path_drawn_is_the_curve() -> None:
+    drawn, path = axes(), CurvePath(KNOTS, Steering(2.0))
+    draw_plan(drawn, CAR_PLOTTING_CARS, path)
+    (line,) = [line for line in drawn.lines if line.get_label() == "path"]
+    x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+    assert np.hypot(np.diff(x), np.diff(y)).sum() > 0.999 * path.length
+    where = path.at(np.linspace(0.0, 1.0, 500))[:, :2]
+    gaps = np.hypot(where[:, None, 0] - x, where[:, None, 1] - y).min(axis=1)
+    assert np.quantile(gaps, 0.3) < 0.1
+
+
+WORLD_AUDIT = World("room", (0.0, 0.0, 10.0, 6.0), (Disc((5, 3), 1.0),), Robot.rectangle(0.8, 0.4))
+ROBOT = Robot.rectangle(0.8, 0.4)
+
+
+def share(file: FilePath, colour: str) -> float:
+    """Return the share of a picture's pixels that have a colour."""
+    rgb, counts = colours_of(file)
+    return float(counts[is_colour(rgb, colour, 0.02)].sum() / counts.sum())
+
+
+@pytest.mark.slow
+def test_a_collision_is_red_and_a_repaired_path_is_drawn(tmp_path: FilePath) -> None:
+    file = tmp_path / "a.png"
+    audit = check_path(WORLD_AUDIT, ROBOT, [[1, 3, 0], [9, 3, 0]])
+    save_audit_figure(file, WORLD_AUDIT, ROBOT, audit, Path(np.array([[1, 3, 0], [5, 5, 0], [9, 3, 0.0]])))
+    assert share(file, COLLISION) > 0.001
+    assert share(file, REPAIRED) > 0.001
+
+
+@pytest.mark.slow
+def test_a_free_path_has_no_red(tmp_path: FilePath) -> None:
+    file = tmp_path / "a.png"
+    save_audit_figure(file, WORLD_AUDIT, ROBOT, check_path(WORLD_AUDIT, ROBOT, [[1, 1, 0], [9, 1, 0]]))
+    assert share(file, COLLISION) == 0.0
+
+
+@pytest.mark.slow
+def test_a_turn_in_place_that_collides_is_marked(tmp_path: FilePath) -> None:
+    file = tmp_path / "a.png"
+    audit = check_path(WORLD_AUDIT, ROBOT, [[5, 4.3, 0], [5, 4.3, 3.0]])
+    assert not audit.free
+    save_audit_figure(file, WORLD_AUDIT, ROBOT, audit)
+    assert share(file, COLLISION) > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("velocity", [(1.0, 0.3), (0.0, 0.0)])
+def test_a_moving_obstacle_has_an_arrow(tmp_path: FilePath, velocity: tuple[float, float]) -> None:
+    still, moving = tmp_path / "still.png", tmp_path / "moving.png"
+    motion = Moving(Rectangle((2, 2), 1.5, 1), velocity, 4.0)
+    world = World("room", (0.0, 0.0, 10.0, 6.0), (motion,))  # type: ignore[arg-type]  # worlds take moving ones apart
+    save_world_figure(moving, world)
+    save_world_figure(still, World("room", (0.0, 0.0, 10.0, 6.0), world.obstacles))
+    assert 0.0 < share(moving, OBSTACLE) < share(still, OBSTACLE)
+
+
+HISTORY = ((0.004, 12.0), (0.05, 11.0), (0.2, 10.5))
+
+
+def test_steps_from_the_first_path_to_the_end_above_the_bound() -> None:
+    axes = Figure().subplots()
+    plotting.draw_progress(axes, HISTORY, 0.5, 10.0)
+    steps, improved, bound = axes.lines
+    np.testing.assert_allclose(
+        np.asarray(steps.get_xydata(), dtype=float), [[4.0, 12.0], [50.0, 11.0], [200.0, 10.5], [500.0, 10.5]]
+    )
+    assert steps.get_drawstyle() == "steps-post"
+    np.testing.assert_allclose(
+        np.asarray(improved.get_xydata(), dtype=float), [[4.0, 12.0], [50.0, 11.0], [200.0, 10.5]]
+    )
+    assert set(np.asarray(bound.get_ydata()).tolist()) == {10.0}
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    assert 0.0 < left < 4.0
+    assert right > 500.0
+    assert low < 10.0
+    assert high > 12.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("size", "entries"),
+    [
+        *(((10.0, 10.0), 1), ((60.0, 4.0), 1), ((4.0, 60.0), 1)),
+        *((size, 8) for size in [(10.0, 10.0), (20.0, 12.0), (60.0, 4.0), (4.0, 60.0), (9.0, 10.0)]),
+    ],
+)
+def test_the_panel_keeps_clear_of_plan_and_legend(size: tuple[float, float], entries: int) -> None:
+    labels = ["start", "goal", "path", "landmark", "edge, certified", "edge, not checked", "obstacle", "outside"]
+    figure, axes = figure_of(World("room", (0.0, 0.0, *size)))
+    for label in labels[:entries]:
+        axes.plot([], [], label=label)
+    annotate(figure, axes, "room", "facts")
+    add_progress(figure, axes, HISTORY, 0.5, 10.0)
+    plan, panel = figure.axes
+    legend = plan.get_legend()
+    assert legend is not None
+    parts = [plan.get_window_extent(), legend.get_window_extent(), panel.get_tightbbox()]
+    for a, b in combinations(parts, 2):
+        assert a is not None
+        assert b is not None
+        shared = Bbox.intersection(a, b)
+        assert shared is None or shared.width * shared.height < 1.0
+
+
+@pytest.mark.slow
+def test_pictures_of_plans_have_it_if_there_is_a_path(tmp_path: FilePath) -> None:
+    path = Path(np.array([[1.0, 1.0, 0.0], [9.0, 5.0, 0.0]]))
+    for found, history in ((path, HISTORY), (None, ())):
+        status: Status = "solved" if found else "timeout"
+        result = PlanResult(status, found, 0, 8.5, None, None, 0, 0, history=history, time={"total": 0.5})
+        file = tmp_path / "plan.svg"
+        plotting.save_plan_figure(file, World("room", (0.0, 0.0, 10.0, 6.0)), Robot.disc(0.3), result)
+        text = file.read_text()
+        for label in ("planning time [ms]", "lower bound"):
+            assert (f"<!-- {label} -->" in text) == (found is not None)
