@@ -415,38 +415,6 @@ def test_json_schema_describes_the_contract() -> None:
     assert set(disc_schema["required"]) == {"shape", "center", "radius"}
 
 
-@pytest.mark.parametrize(
-    "row",
-    [
-        "{shape: disc, center: [1, 2.5], radius: 1}",
-        "{shape: disc, center: [1, 2.5], radius: 0}",
-        "{shape: disc, center: [1, 2.5], radius: true}",
-        "{shape: disc, center: [1, .nan], radius: 1}",
-        "{shape: disc, center: [1, 1e9], radius: 1}",
-        "{shape: disc, center: [1], radius: 1}",
-        "{shape: disc, center: '12', radius: 1}",
-        "{shape: disc, center: {1: 2, 3: 4}, radius: 1}",
-        "{shape: disc, center: [1, 2], radius: 1, colour: red}",
-        "{shape: disc, center: [1, 2], diameter: 1}",
-        "{shape: disc, center: [1, 2], radius: 1, id: a}",
-        "[shape, center, radius]",
-    ],
-)
-def test_nothing_but_discs_is_read_as_discs_among_others_are(tmp_path: Path, row: str) -> None:
-    head = "trailmark: 1\nname: w\nbounds: [0, 0, 9, 9]\nobstacles:\n"
-    other = "  - {shape: rectangle, center: [4, 4], length: 2, width: 1}\n"
-
-    def read(rows: str) -> object:
-        try:
-            world = load_world(write(tmp_path, head + rows))
-        except FormatError as error:
-            return str(error)
-        return world.obstacles[:2], world.ids[:2], world.estimates
-
-    disc = "  - {shape: disc, center: [1.0, 2.0], radius: 0.5}\n"
-    assert read(f"{disc}  - {row}\n") == read(f"{disc}  - {row}\n{other}")
-
-
 def test_why_a_map_is_not_certified_is_kept(tmp_path: Path) -> None:
     world = World("m", (0.0, 0.0, 1.0, 1.0), not_certified="features: one is taken for the other")
     world.save(tmp_path / "m.yaml")

@@ -53,15 +53,14 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
     version = data["trailmark"]
     if isinstance(version, bool | float) or version != 1:
         raise FormatError(path, f"trailmark: expected 1 (the schema version), got {version!r}")
-    discs = _plain_discs(data.get("obstacles"))
-    file = validate(WorldFile, {**data, "obstacles": []} if discs else data, path)
+    file = validate(WorldFile, data, path)
     robot = None if file.robot is None else _build(path, "robot", robot_from_entry, file.robot)
     boundary = None if file.boundary is None else _build(path, "boundary", Polygon, file.boundary)
     entries = file.obstacles or ()
-    if file.grid is not None and (discs or file.obstacles):
+    if file.grid is not None and file.obstacles:
         raise FormatError(path, "expected obstacles or a grid, got both")
     grid = None if file.grid is None else _build(path, "grid", unpacked_cells, file.grid)
-    obstacles = discs or [_build(path, f"obstacles[{i}]", _any_obstacle, entry) for i, entry in enumerate(entries)]
+    obstacles = [_build(path, f"obstacles[{i}]", _any_obstacle, entry) for i, entry in enumerate(entries)]
     estimates = [
         None if entry.estimate is None else _build(path, f"obstacles[{i}].estimate", _estimate, entry.estimate)
         for i, entry in enumerate(entries)
@@ -82,23 +81,6 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         zones=tuple(_build(path, f"zones[{i}]", _zone, entry) for i, entry in enumerate(file.zones or ())),
         sources=(path.absolute(),),
     )
-
-
-def _plain_discs(rows: Any) -> list[Shape] | None:
-    """Return a list of nothing but discs in a fifth of the time; None if the schema has to look at it."""
-    if type(rows) is not list:
-        return None
-    discs: list[Shape] = []
-    try:
-        for row in rows:
-            center = row["center"]
-            if len(row) != 3 or row["shape"] != "disc" or type(center) is not list:
-                return None
-            x, y = center
-            discs.append(Disc((x, y), row["radius"]))
-    except (TypeError, ValueError, LookupError, ShapeError):
-        return None
-    return discs
 
 
 def world_text(world: World, grid: bool = False) -> str:
