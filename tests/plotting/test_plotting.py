@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations
 from pathlib import Path as FilePath
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +13,6 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.transforms import Bbox
 from PIL import Image
 from tests.support.forks import Forks
 from tests.support.pictures import colours_of, is_colour
@@ -28,10 +26,8 @@ from trailmark.errors import OutputError
 from trailmark.motion import motion_of
 from trailmark.moving import Moving
 from trailmark.path import Path
-from trailmark.planning.result import PlanResult, Status
+from trailmark.planning.result import PlanResult
 from trailmark.plotting import OBSTACLE, draw_plan, save_audit_figure, save_world_figure
-from trailmark.plotting.canvas import annotate, figure_of
-from trailmark.plotting.plan import add_progress
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 
@@ -228,13 +224,6 @@ def test_without_a_path_the_picture_shows_the_roadmap(tmp_path: FilePath, status
 
 
 @pytest.mark.slow
-def test_a_world_without_robot_or_obstacles_and_with_many_queries(tmp_path: FilePath) -> None:
-    queries = tuple(Query(f"q{i}", (0.1 * i, 1.0, 0.0), (9.0, 0.05 * i, 1.0)) for i in range(60))
-    plotting.save_world_figure(tmp_path / "empty.svg", World("empty", (0, 0, 10, 6), queries=queries))
-    assert b"<svg" in (tmp_path / "empty.svg").read_bytes()
-
-
-@pytest.mark.slow
 def test_names_are_not_taken_for_formulas(tmp_path: FilePath) -> None:
     world = World("cost_$5$ ^{ \\frac", ROOM.bounds, queries=(Query("$", START, GOAL),))
     plotting.save_world_figure(tmp_path / "name.png", world)
@@ -246,25 +235,6 @@ def test_other_suffixes_are_refused(tmp_path: FilePath, name: str) -> None:
     with pytest.raises(OutputError, match=r"expected \.png, \.svg, \.pdf"):
         plotting.save_world_figure(tmp_path / name, ROOM)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_thousands_of_obstacles(tmp_path: FilePath) -> None:
-    rng = np.random.default_rng(0)
-    discs = tuple(Disc((float(x), float(y)), 0.5) for x, y in rng.uniform(0, 100, (2000, 2)))
-    plotting.save_plan_figure(tmp_path / "many.png", World("many", (0, 0, 100, 100), discs), CAR, result_of(None))
-    rgb, counts = colours_of(tmp_path / "many.png")
-    covered = counts[is_colour(rgb, plotting.OBSTACLE)].sum() / counts.sum()
-    assert 0.03 < covered < 0.15  # 2,000 discs cover 14.5 % of the square, and the square 60 % of the picture
-
-
-@pytest.mark.slow
-def test_a_large_grid_map(tmp_path: FilePath, shared_data: FilePath) -> None:
-    world = World.load(shared_data / "movingai" / "8room_000.map")
-    plotting.save_plan_figure(tmp_path / "map.png", world, Robot.disc(0.4), result_of(None))
-    rgb, counts = colours_of(tmp_path / "map.png")
-    assert counts[is_colour(rgb, plotting.OBSTACLE)].sum() > 0.02 * counts.sum()
-    assert counts[is_colour(rgb, "white")].sum() > 0.3 * counts.sum()
 
 
 @pytest.mark.slow
@@ -361,42 +331,3 @@ def test_steps_from_the_first_path_to_the_end_above_the_bound() -> None:
     assert right > 500.0
     assert low < 10.0
     assert high > 12.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("size", "entries"),
-    [
-        *(((10.0, 10.0), 1), ((60.0, 4.0), 1), ((4.0, 60.0), 1)),
-        *((size, 8) for size in [(10.0, 10.0), (20.0, 12.0), (60.0, 4.0), (4.0, 60.0), (9.0, 10.0)]),
-    ],
-)
-def test_the_panel_keeps_clear_of_plan_and_legend(size: tuple[float, float], entries: int) -> None:
-    labels = ["start", "goal", "path", "landmark", "edge, certified", "edge, not checked", "obstacle", "outside"]
-    figure, axes = figure_of(World("room", (0.0, 0.0, *size)))
-    for label in labels[:entries]:
-        axes.plot([], [], label=label)
-    annotate(figure, axes, "room", "facts")
-    add_progress(figure, axes, HISTORY, 0.5, 10.0)
-    plan, panel = figure.axes
-    legend = plan.get_legend()
-    assert legend is not None
-    parts = [plan.get_window_extent(), legend.get_window_extent(), panel.get_tightbbox()]
-    for a, b in combinations(parts, 2):
-        assert a is not None
-        assert b is not None
-        shared = Bbox.intersection(a, b)
-        assert shared is None or shared.width * shared.height < 1.0
-
-
-@pytest.mark.slow
-def test_pictures_of_plans_have_it_if_there_is_a_path(tmp_path: FilePath) -> None:
-    path = Path(np.array([[1.0, 1.0, 0.0], [9.0, 5.0, 0.0]]))
-    for found, history in ((path, HISTORY), (None, ())):
-        status: Status = "solved" if found else "timeout"
-        result = PlanResult(status, found, 0, 8.5, None, None, 0, 0, history=history, time={"total": 0.5})
-        file = tmp_path / "plan.svg"
-        plotting.save_plan_figure(file, World("room", (0.0, 0.0, 10.0, 6.0)), Robot.disc(0.3), result)
-        text = file.read_text()
-        for label in ("planning time [ms]", "lower bound"):
-            assert (f"<!-- {label} -->" in text) == (found is not None)
