@@ -102,12 +102,6 @@ def test_a_footprint_stands_on_its_reference_point() -> None:
         Robot(Polygon(SQUARE * 4, (SQUARE + 1,)))
 
 
-def test_robots_describe_themselves() -> None:
-    assert Robot.disc(0.25).describe() == "disc 0.25 m"
-    assert Robot.rectangle(0.6, 0.4).describe() == "rectangle 0.6 x 0.4 m"
-    assert ROBOTS["L"].describe() == "polygon of 6 vertices"
-
-
 # --- Query
 
 
@@ -121,13 +115,6 @@ def test_a_robot_moves_in_every_direction_unless_it_has_a_turning_radius() -> No
     assert car.steered(None) == Robot.rectangle(2, 1)
     assert len({car, car.steered(5.0, reverse=False), car.steered(5.0), car.steered(6.0), car.steered(None)}) == 4
     assert car.circumradius == Robot.rectangle(2, 1).circumradius
-
-
-def test_descriptions() -> None:
-    car = Robot.disc(0.5).steered(4.5)
-    assert car.describe() == "disc 0.5 m, turning radius 4.5 m"
-    assert car.steered(4.5, reverse=False).describe() == "disc 0.5 m, turning radius 4.5 m, forward only"
-    assert Robot.rectangle(2, 1).describe() == "rectangle 2 x 1 m"
 
 
 @pytest.mark.parametrize(

@@ -184,9 +184,3 @@ def test_bad_shapes_are_refused_in_one_line(shape: type, arguments: tuple[Any, .
     assert part in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
-
-
-def test_a_polygon_is_described_in_one_line() -> None:
-    outline = np.array([(0.0, 0.0), (4.0, 0.0), (0.0, 2.0)])
-    assert repr(Polygon(outline)) == "Polygon(3 vertices, area 4 m²)"
-    assert repr(Polygon(outline, (0.25 * outline + 0.5,))) == "Polygon(3 vertices, 1 hole, area 3.75 m²)"

@@ -77,16 +77,12 @@ def test_parameters_are_checked_and_named_as_given() -> None:
     [
         ("RRTConnect:rnge=2", r"planner RRTConnect: parameter: expected .*, range, got 'rnge' \(did you mean 'range'"),
         ("RRTConnect:range=x", "planner RRTConnect: range: expected a finite number, 0 or more, got 'x'"),
-        ("RRTConnect:range=inf", "range: expected a finite number, 0 or more, got 'inf'"),
         ("RRTstar:use_k_nearest=maybe", "use_k_nearest: expected true or false, got 'maybe'"),
         ("PRM:max_nearest_neighbors=2.5", "expected a whole number, 0 or more, got '2.5'"),
         ("RRT:range=1,range=2", "expected PLANNER:name=value,name=value, each once, got 'range=2'"),
-        ("RRT:range=1,", "expected PLANNER:name=value"),
         ("landmark:first=1", "planner landmark: setting: expected .*, got 'first'"),
         ("landmark:sweeps=0", "planner landmark: sweeps: expected a whole number, 1 or more, got 0"),
-        ("landmark:placement=samples", "setting: expected .*, got 'placement'"),
         ("json:dumps:a=1", "expected no parameters, for 'json:dumps' takes none"),
-        ("PMR:range=1", "planner: expected PRM, got 'PMR'"),
     ],
 )
 def test_other_parameters_are_refused(name: str, problem: str) -> None:

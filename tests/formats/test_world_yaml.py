@@ -181,27 +181,6 @@ def test_other_yaml_readers_see_the_same(world: World) -> None:
             assert entry == {"shape": "disc", "center": list(shape.center), "radius": shape.radius} | name
 
 
-def test_saved_files_are_for_people(tmp_path: Path) -> None:
-    file = tmp_path / "out.yaml"
-    save_world(OFFICE, file)
-    lines = file.read_text().splitlines()
-    assert lines[0].startswith("# A trailmark world.")
-    assert lines[1:5] == [
-        "trailmark: 1",
-        "name: office",
-        "bounds: [0.0, 0.0, 20.0, 12.0]",
-        "robot: {shape: rectangle, length: 0.6, width: 0.4}",
-    ]
-    assert lines[6:10] == [
-        "obstacles:",
-        "  - {shape: polygon, vertices: [[1.0, 1.0], [4.0, 1.0], [4.0, 4.0], [1.0, 4.0]], "
-        "holes: [[[2.0, 2.0], [3.0, 2.0], [3.0, 3.0]]]}",
-        "  - {shape: disc, center: [7.0, 8.0], radius: 0.5}",
-        "  - {shape: rectangle, center: [9.0, 3.0], length: 2.0, width: 1.0, heading: 0.3}",
-    ]
-    assert load_world(file) == OFFICE
-
-
 def test_obstacles_may_have_ids_and_move(tmp_path: Path) -> None:
     text = (
         "trailmark: 1\nbounds: [0, 0, 9, 9]\nobstacles:\n"
