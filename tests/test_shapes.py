@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from tests.helpers.random_worlds import star_polygon
 
 from trailmark.errors import ShapeError
-from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, signed_area
-from trailmark.triangles import triangulate
+from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, signed_area, triangulate
 
 SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
 HOLE = np.array([[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]])
