@@ -117,23 +117,6 @@ def test_changes_of_another_world_are_refused(items: list[Change], message: str)
 
 
 @pytest.mark.parametrize(
-    ("what", "message"),
-    [
-        (("a", A, None, -1, None), "change: expected an index of 0 or more, got -1"),
-        (("a", A, None, True, None), "change: expected an index of 0 or more, got True"),
-        ((None, None, A, None, 1.5), "change: expected an index of 0 or more, got 1.5"),
-        ((None, None, "disc", None, 1), "change: expected shapes with their indices, got 'disc' at 1"),
-        ((None, None, A, None, None), "change: expected shapes with their indices, got Disc"),
-        ((3, None, A, None, 1), "change: expected an id that is a text, got 3"),
-        ((None, None, A, None, 1, None, Moving(A, (5.0, 0.0), 1.0)), "change: expected the region that Moving"),
-    ],
-)
-def test_what_is_no_change_is_refused(what: Any, message: str) -> None:
-    with pytest.raises(WorldError, match=message):
-        Change(*what)
-
-
-@pytest.mark.parametrize(
     ("items", "message"),
     [
         (5, "changes: expected a sequence, got 5"),

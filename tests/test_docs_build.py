@@ -131,18 +131,6 @@ def faults_of(file: Path, page: Page, pages: dict[Path, Page]) -> list[str]:
     return found
 
 
-def test_faults_are_found(tmp_path: Path) -> None:
-    page, other = tmp_path / "a.html", tmp_path / "b.html"
-    page.write_text(
-        '<script src="//elsewhere/x.js"></script><a href="b.html#here">1</a><a href="b.html#no">2</a>'
-        '<a href="c.html">3</a><a href="#top">4</a><img src="data:,"><p id="top">'
-    )
-    other.write_text('<p id="here">')
-    pages = {file: Page(file) for file in (page, other)}
-    found = faults_of(page, pages[page], pages)
-    assert found == ["a.html: b.html#no, no such place", "a.html: c.html", "a.html loads //elsewhere/x.js"]
-
-
 def test_every_public_name_and_what_is_public_in_it_is_described() -> None:
     bare, seen = [], 0
     for part, names in public_names().items():

@@ -82,10 +82,3 @@ def test_package_data_come_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     (package / "_worlds" / "packaged.yaml").unlink()
     (package / "_worlds").rmdir()
     assert list(shipped_worlds()) == ["source"]
-
-
-def test_nothing_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(library, "_PACKAGE", tmp_path / "a" / "b")
-    assert shipped_worlds() == {}
-    with pytest.raises(FormatError, match="expected nothing, got 'office'"):
-        find_world("office")

@@ -125,11 +125,6 @@ def test_paths_are_values() -> None:
         path.states[0] = 1.0
 
 
-def test_a_path_is_described_by_its_ends_and_cost() -> None:
-    path = Path(np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 1.0]]))
-    assert repr(path) == "Path(2 states from (0, 0, 0) to (3, 4, 1), cost 5.5 m)"
-
-
 @pytest.mark.parametrize("name", ["a.json", "a.csv", "a.yaml", "a.nav2.json", "a.geojson"])
 def test_a_path_is_saved_and_loaded(tmp_path: FilePath, name: str) -> None:
     path = Path(np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [2.0, 0.0, -3.0]]))

@@ -79,49 +79,13 @@ def test_robots_are_parsed(text: str, robot: Robot) -> None:
     assert Robot.parse(text) == robot
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        *(
-            [
-                "disc",
-                "disc:",
-                "disc:x",
-                "disc:0",
-                "disc:-1",
-                "disc:nan",
-                "disc:inf",
-                "disc:1e300",
-                "disc:1,2",
-                "Disc:1",
-                "sphere:1",
-                "robot_radius:0",
-            ]
-        ),
-        *(
-            [
-                "rectangle:1",
-                "rectangle:1x2x3",
-                "rectangle:1xtwo",
-                "rectangle:0x1",
-                "polygon:",
-                "polygon:0,0;1,0",
-                "polygon:0,0;1,0;2,0",
-            ]
-        ),
-        *(["polygon:0,0;1;2,0", "polygon:0,0;1,1;1,0;0,1", "polygon:0,0,0;1,0,0;0,1,0", "[]", "[[]]", "[[0,0],[1,0]]"]),
-        *(
-            [
-                "[[0,0],[1,0],[0]]",
-                "[[0,0],[1,0],[0,1,2]]",
-                "[[0,0],[1,0],[0,1]",
-                "[0,0],[1,0],[0,1]",
-                "[[[0,0],[1,0],[0,1]]]",
-            ]
-        ),
-        *("", "[[0, 0], [1, 0], [0, x]] y"),
-    ],
-)
+NONE = """disc disc: disc:x disc:0 disc:-1 disc:nan disc:inf disc:1e300 disc:1,2 Disc:1 sphere:1 robot_radius:0
+rectangle:1 rectangle:1x2x3 rectangle:1xtwo rectangle:0x1 polygon: polygon:0,0;1,0 polygon:0,0;1,0;2,0
+polygon:0,0;1;2,0 polygon:0,0;1,1;1,0;0,1 polygon:0,0,0;1,0,0;0,1,0 [] [[]] [[0,0],[1,0]] [[0,0],[1,0],[0]]
+[[0,0],[1,0],[0,1,2]] [[0,0],[1,0],[0,1] [0,0],[1,0],[0,1] [[[0,0],[1,0],[0,1]]]"""
+
+
+@pytest.mark.parametrize("text", [*NONE.split(), "", "[[0, 0], [1, 0], [0, x]] y"])
 def test_other_robots_are_refused_in_one_line(text: str) -> None:
     with pytest.raises(ShapeError) as caught:
         Robot.parse(text)
@@ -138,12 +102,6 @@ def test_a_footprint_stands_on_its_reference_point() -> None:
         Robot(Polygon(SQUARE * 4, (SQUARE + 1,)))
 
 
-def test_robots_describe_themselves() -> None:
-    assert Robot.disc(0.25).describe() == "disc 0.25 m"
-    assert Robot.rectangle(0.6, 0.4).describe() == "rectangle 0.6 x 0.4 m"
-    assert ROBOTS["L"].describe() == "polygon of 6 vertices"
-
-
 # --- Query
 
 
@@ -157,13 +115,6 @@ def test_a_robot_moves_in_every_direction_unless_it_has_a_turning_radius() -> No
     assert car.steered(None) == Robot.rectangle(2, 1)
     assert len({car, car.steered(5.0, reverse=False), car.steered(5.0), car.steered(6.0), car.steered(None)}) == 4
     assert car.circumradius == Robot.rectangle(2, 1).circumradius
-
-
-def test_descriptions() -> None:
-    car = Robot.disc(0.5).steered(4.5)
-    assert car.describe() == "disc 0.5 m, turning radius 4.5 m"
-    assert car.steered(4.5, reverse=False).describe() == "disc 0.5 m, turning radius 4.5 m, forward only"
-    assert Robot.rectangle(2, 1).describe() == "rectangle 2 x 1 m"
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from tests.helpers.random_worlds import star_polygon
 
 from trailmark.errors import ShapeError
-from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, signed_area
-from trailmark.triangles import triangulate
+from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, signed_area, triangulate
 
 SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
 HOLE = np.array([[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]])
@@ -152,43 +151,27 @@ def test_area_keeps_its_digits_far_from_the_origin() -> None:
 BOW_TIE = [[0, 0], [1, 1], [1, 0], [0, 1]]
 BAD: list[tuple[type, tuple[Any, ...], str]] = [
     (Disc, ((0, 0), 0.0), "disc: radius: expected a number above 0 and at most 1e+08 m, got 0.0"),
-    (Disc, ((0, 0), -1), "disc: radius: expected a number above 0 and at most 1e+08 m, got -1.0"),
     (Disc, ((0, 0), math.nan), "disc: radius: expected a finite number, got nan"),
-    (Disc, ((0, 0), math.inf), "disc: radius: expected a finite number, got inf"),
     (Disc, ((0, 0), 2 * LIMIT), "at most 1e+08 m"),
-    (Disc, ((0, 0), 10**400), "disc: radius"),
     (Disc, ((0, 0), "wide"), "disc: radius: expected a finite number, got 'wide'"),
-    (Disc, ((0, 0), None), "disc: radius: expected a finite number, got None"),
     (Disc, ((0, math.inf), 1), "disc: center: expected a finite number, got inf"),
-    (Disc, ((0, 1e300), 1), "at most 1e+08 m"),
     (Disc, ((0, 0, 0), 1), "disc: center: expected two numbers x, y, got (0, 0, 0)"),
-    (Disc, (5, 1), "disc: center: expected two numbers x, y, got 5"),
-    (Disc, ("ab", 1), "disc: center: expected a finite number, got 'a'"),
     (Rectangle, ((0, 0), 0, 1), "rectangle: length: expected a number above 0 and at most 1e+08 m, got 0.0"),
     (Rectangle, ((0, 0), 1, -2), "rectangle: width: expected a number above 0 and at most 1e+08 m, got -2.0"),
     (Rectangle, ((0, 0), 1, 1, math.nan), "rectangle: heading: expected a finite number, got nan"),
-    (Rectangle, ((0, 0), 1, 1, "north"), "rectangle: heading: expected a finite number, got 'north'"),
-    (Rectangle, (None, 1, 1), "rectangle: center: expected two numbers x, y, got None"),
     (Polygon, ([[0, 0], [1, 1]],), "polygon: vertices: expected 3 or more different points, got 2"),
-    (Polygon, ([[0, 0], [1, 1], [0, 0]],), "expected 3 or more different points, got 2"),
     (Polygon, ([],), "polygon: vertices: expected shape (n, 2), got (0,)"),
-    (Polygon, ([[0, 0, 0]] * 3,), "expected shape (n, 2), got (3, 3)"),
     (Polygon, ([[0, 0], [1, 0], [0]],), "is not a list of points"),
     (Polygon, ([[0, 0], [1, 0], [0, "x"]],), "is not a list of points"),
-    (Polygon, (np.array([["a", "b"]] * 9),), "is not a list of points"),
     (Polygon, ([[0, 0], [10**400, 0], [0, 1]],), "is not a list of points"),
-    (Polygon, (None,), "shape (n, 2), got ()"),
     (Polygon, ([[0, 0], [1, 0], [0, math.nan]],), "not a finite number"),
     (Polygon, ([[0, 0], [1e200, 0], [0, 1]],), "expected coordinates of at most 1e+08 m, got 1e+200"),
     (Polygon, (BOW_TIE,), "not simple: Self-intersection"),
     (Polygon, ([[0, 0], [1, 0], [2, 0]],), "polygon:"),
-    (Polygon, ([[0, 0], [2, 0], [2, 2], [1, 0], [0, 2]],), "not simple"),
     (Polygon, ([[0, 0], [2, 0], [2, 2], [2, 3], [2, 2], [0, 2]],), "not simple"),
     (Polygon, (SQUARE, (HOLE + 10.0,)), "Hole lies outside shell"),
-    (Polygon, (SQUARE, (HOLE + 2.5,)), "not simple"),
     (Polygon, (SQUARE, (HOLE, HOLE + 0.5)), "not simple"),
     (Polygon, (SQUARE, (HOLE, HOLE)), "not simple"),
-    (Polygon, (SQUARE, (SQUARE,)), "polygon:"),
     (Polygon, (SQUARE, ([[1, 1], [2, 2]],)), "polygon: holes[0]: expected 3 or more different points, got 2"),
 ]
 
@@ -200,9 +183,3 @@ def test_bad_shapes_are_refused_in_one_line(shape: type, arguments: tuple[Any, .
     assert part in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
-
-
-def test_a_polygon_is_described_in_one_line() -> None:
-    outline = np.array([(0.0, 0.0), (4.0, 0.0), (0.0, 2.0)])
-    assert repr(Polygon(outline)) == "Polygon(3 vertices, area 4 m²)"
-    assert repr(Polygon(outline, (0.25 * outline + 0.5,))) == "Polygon(3 vertices, 1 hole, area 3.75 m²)"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -148,13 +147,6 @@ def test_a_world_is_a_value() -> None:
     assert world.robot is None
     assert other.obstacles is world.obstacles
     assert hash(other) == hash(world.with_robot(Robot.disc(0.1)))
-
-
-def test_a_world_is_described_in_one_line() -> None:
-    world = World("yard", (0.0, 0.0, 9.0, 5.5), (Disc((1.0, 1.0), 0.5),), Robot.disc(0.2))
-    assert repr(world) == "World('yard', 9 x 5.5 m, 1 obstacles, robot disc 0.2 m, queries: none)"
-    queries = tuple(Query(name, (1.0, 2.0, 0.0), (3.0, 2.0, 0.0)) for name in "abcdefg")
-    assert repr(replace(world, queries=queries)).endswith("queries: a, b, c, d, e, …)")
 
 
 def test_load_finds_shipped_worlds_by_name() -> None:

@@ -9,8 +9,7 @@ import numpy as np
 
 from trailmark.arguments import brief, one_of, real
 from trailmark.errors import ShapeError, WorldError
-from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, Shape, displaced
-from trailmark.triangles import triangulate
+from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, Shape, displaced, triangulate
 
 __all__ = ["DISC_ERROR", "Moving"]
 

@@ -119,12 +119,12 @@ class Robot(Shown):
 
         Args:
             path: a robot as world files have it (``shape: rectangle`` …), a world file with one, or parameters of nav2
-                or move_base with ``footprint`` or ``robot_radius`` (:func:`trailmark.formats.robot_file.read_robot`).
+                or move_base with ``footprint`` or ``robot_radius`` (:func:`trailmark.formats.world_yaml.read_robot`).
 
         Raises:
             FormatError: the file is missing, is not YAML, or holds no robot.
         """
-        from trailmark.formats.robot_file import read_robot
+        from trailmark.formats.world_yaml import read_robot
 
         return read_robot(Path(path))
 

@@ -22,8 +22,8 @@ from trailmark.changes import Changes, Obstacles, apply, difference
 from trailmark.edits import Obstacle, changes_of_edits, obstacles_of
 from trailmark.errors import InputWarning, WorldError, expected_name
 from trailmark.estimates import ObstacleEstimate, RiskBound
+from trailmark.goals import Query
 from trailmark.moving import Moving
-from trailmark.query import Query
 from trailmark.robot import Robot
 from trailmark.shapes import Polygon, Shape, shape_of, shapes_of
 from trailmark.shown import Shown

@@ -12,8 +12,7 @@ from tests.support.trials import trials
 from trailmark import se2
 from trailmark.audit.depth import Penetration, bounds_depth
 from trailmark.errors import ShapeError
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.triangles import convex_pieces
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape, convex_pieces
 from trailmark.world import Robot
 
 U_SHAPE = Polygon(np.array([[0, 0], [4, 0], [4, 4], [3, 4], [3, 1], [1, 1], [1, 4], [0, 4.0]]))

@@ -65,13 +65,6 @@ def test_a_run_without_a_first_time_had_its_path_at_the_end(tmp_path: Path) -> N
     assert results.problems[0].runs["FMT"].first_times.tolist() == [0.75]
 
 
-def test_planners_of_one_name_are_distinguished(tmp_path: Path) -> None:
-    file = write_results(tmp_path / "r.db", {"yard": {"PRM": [run(0, 0.1, 10.0)], "RRT": [run(0, 0.1, 10.0)]}})
-    with closing(sqlite3.connect(file)) as db, db:
-        db.execute("UPDATE plannerConfigs SET name = 'PRM' WHERE name = 'RRT'")
-    assert load_results(file).planners == ["PRM (1)", "PRM (2)"]
-
-
 def test_what_the_store_writes_is_read(tmp_path: Path) -> None:
     experiment = Experiment(
         name="yard-across",
@@ -150,14 +143,6 @@ def test_databases_of_another_schema(small: Path, change: str, problem: str) -> 
         db.execute(change)
     with pytest.raises(StoreError, match=problem):
         load_results(small)
-
-
-def test_a_locked_database_is_one_line(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trailmark.benchmark.results.BUSY", 0.05)
-    with closing(sqlite3.connect(small, isolation_level=None)) as db:
-        db.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(StoreError, match="locked by another program"):
-            load_results(small)
 
 
 @pytest.mark.parametrize("value", ["", "[[", b"\xff\xfe"])

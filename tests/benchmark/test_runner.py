@@ -101,18 +101,6 @@ def test_only_what_is_missing_is_made(tmp_path: Path, ahead: Problem) -> None:
 
 
 @pytest.mark.slow
-def test_runs_to_the_first_path_are_another_setting_of_the_planner(tmp_path: Path, ahead: Problem) -> None:
-    file, whole, first = tmp_path / "results.db", AtOnce(well), AtOnce(well)
-    make(file, plan(ahead, planners=["PRM"]), whole)
-    assert make(file, plan(ahead, planners=["PRM"], first=["PRM"]), first).made == 2
-    assert len(first.given) == 2
-    with closing(sqlite3.connect(file)) as db:
-        assert db.execute("SELECT count(*) FROM experiments").fetchone() == (1,)
-        settings = [row[0] for row in db.execute("SELECT settings FROM plannerConfigs ORDER BY id")]
-    assert settings[1] == f"{settings[0]}; ends at its first path"
-
-
-@pytest.mark.slow
 def test_other_limits_are_another_experiment(tmp_path: Path, ahead: Problem) -> None:
     file = tmp_path / "results.db"
     changes: list[dict[str, Any]] = [
@@ -191,17 +179,3 @@ def test_an_interrupt_keeps_what_came_in(tmp_path: Path, ahead: Problem) -> None
     # Those written before, and those that had been handed out and were done by then.
     assert len(runs_in(file)) == len(executor.given) < 40
     assert make(file, plan(ahead, runs=20), AtOnce(well)).made == 40 - len(executor.given)
-
-
-def test_the_time_left_goes_by_what_runs_took(tmp_path: Path, ahead: Problem) -> None:
-    reported: list[float] = []
-
-    def follow(tally: Tally) -> None:
-        if tally.made:
-            reported.append(tally.left or 0.0)
-
-    make(tmp_path / "results.db", plan(ahead, runs=8, planners=["landmark"]), AtOnce(well), on_progress=follow)
-    # A run with seed s takes 1 + s seconds, and the same more for simplifying and overhead each.
-    done = [1.0 + s + 0.1875 for s in range(8)]
-    assert reported[1] == pytest.approx(4 * sum(done[:4]) / 4)
-    assert reported[-1] == 0.0

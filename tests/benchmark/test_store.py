@@ -13,15 +13,13 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from ompl.tools import readBenchmarkLog
 from tests.benchmark.conftest import experiment, solved
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.results import load_results
-from trailmark.benchmark.schema import LATER, MEASURED
+from trailmark.benchmark.schema import MEASURED
 from trailmark.benchmark.store import Store
 from trailmark.errors import OutputError
 
@@ -141,19 +139,6 @@ def test_what_is_no_results_database_is_left_alone(make: Any, problem: str, tmp_
     assert "\n" not in str(caught.value)
     assert file.read_bytes() == before
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_a_database_from_before_the_measures_is_read_and_extended(database: Path) -> None:
-    with closing(sqlite3.connect(database)) as db:
-        for name in LATER:
-            db.execute(f"ALTER TABLE runs DROP COLUMN {name}")
-        db.commit()
-    (problem,) = load_results(database).problems
-    assert np.isnan(problem.runs["landmark"]["smoothness"]).all()
-    with Store(database) as store:
-        assert store.add(1, 1, solved(7, smoothness=0.25, min_clearance=0.5))
-    (problem,) = load_results(database).problems
-    np.testing.assert_array_equal(problem.runs["landmark"]["smoothness"], [np.nan, np.nan, 0.25])
 
 
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:

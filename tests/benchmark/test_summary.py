@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
 from tests.benchmark.conftest import experiment, solved
 
-from trailmark.benchmark.labels import differences
 from trailmark.benchmark.record import RunRecord
 from trailmark.benchmark.results import load_results
 from trailmark.benchmark.store import Store
@@ -55,30 +52,3 @@ def test_the_most_frequent_reason_for_failing_is_told(tmp_path: Path) -> None:
         for seed, reason in enumerate(("hit a\nwall", "late", "late", None)):
             store.add(row, bad, RunRecord(seed=seed, status=8, failure=reason))
     assert failure_lines(load_results(file), ["good", "bad", "absent"]) == ["bad: 2 of 4 runs: late"]
-
-
-@pytest.mark.slow
-def test_what_sets_experiments_apart() -> None:
-    def setup(**identity: object) -> str:
-        return json.dumps({"identity": identity})
-
-    found = differences(
-        [
-            (1, "a", setup(problem="0123456789", time_limit=1.0)),
-            (2, "a", setup(problem="abcdefghij", time_limit=1.0)),
-            (3, "b", setup(problem="x", time_limit=1.0)),
-            (4, "c", setup(problem="x")),
-            (5, "c", setup(problem="x")),
-            (6, "d", None),
-            (7, "d", "not JSON"),
-        ]
-    )
-    assert found == {
-        1: "problem 01234567",
-        2: "problem abcdefgh",
-        3: "",
-        4: "no. 4",
-        5: "no. 5",
-        6: "no. 6",
-        7: "no. 7",
-    }

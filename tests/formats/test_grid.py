@@ -1,6 +1,12 @@
 from __future__ import annotations
 
+import base64
 import math
+import pickle
+import zlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +16,24 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 
-from trailmark.errors import ShapeError, WorldError
-from trailmark.formats.grid import check_size, grid_polygons
-from trailmark.shapes import Polygon, signed_area
+from trailmark import LandmarkPlanner
+from trailmark.collision import StateChecker
+from trailmark.errors import FormatError, ShapeError, TrailmarkError, WorldError
+from trailmark.formats.grid import (
+    MAX_CELLS,
+    CellObstacles,
+    cells_of,
+    check_size,
+    grid_polygons,
+    grid_sides,
+    packed_cells,
+    unpacked_cells,
+)
+from trailmark.formats.schema import GridEntry
+from trailmark.formats.world_yaml import world_from_data, world_text
+from trailmark.formats.yaml_data import parse_yaml
+from trailmark.shapes import Disc, Polygon, signed_area
+from trailmark.world import Robot, World
 
 grids = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans())
 
@@ -153,3 +174,238 @@ def test_sizes_beyond_the_limit_are_refused(size: tuple[int, int]) -> None:
     check_size(8000, 8000)
     with pytest.raises(WorldError, match=r"expected 1 to 64,000,000 cells"):
         check_size(*size)
+
+
+grids_cell_obstacles = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans())
+ROBOT = Robot.rectangle(0.7, 0.3)
+
+
+def made(world: World) -> bool:
+    """Whether the world's polygons have been made."""
+    return "shapes" in world.obstacles.__dict__
+
+
+@pytest.mark.slow
+@given(grids_cell_obstacles)
+def test_sides_are_those_of_the_polygons(occupied: NDArray[np.bool_]) -> None:
+    origin = (0.5, -2.0, 0.0)
+    sides = grid_sides(occupied, 0.1, origin)
+    rings = [ring for polygon in grid_polygons(occupied, 0.1, origin) for ring in polygon.rings()]
+    wanted = [np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in rings]
+    expected = np.concatenate(wanted) if wanted else np.empty((0, 4))
+
+    # Where polygons touch in a corner one straight side may be two: the unit edges are the same.
+    def units(rows: NDArray[np.float64]) -> set[tuple[int, ...]]:
+        cells = np.rint((rows - [0.5, -2.0, 0.5, -2.0]) / 0.1).astype(int)
+        found = set[tuple[int, ...]]()
+        for x1, y1, x2, y2 in cells.tolist():
+            n = max(abs(x2 - x1), abs(y2 - y1))
+            dx, dy = (x2 - x1) // n, (y2 - y1) // n
+            found |= {(x1 + k * dx, y1 + k * dy, dx, dy) for k in range(n)}
+        return found
+
+    assert units(sides) == units(expected)
+
+
+@pytest.mark.slow
+def test_checking_and_planning_make_no_polygons() -> None:
+    occupied = np.random.default_rng(0).random((40, 40)) < 0.1
+    occupied[:2], occupied[-2:] = False, False
+    world = World.from_grid(occupied, 1.0)
+    planner = LandmarkPlanner(world, Robot.disc(0.4), seed=0)
+    result = planner.plan((0.5, 0.5, 0.0), (39.5, 39.5, 1.0), time_limit=5.0)
+    assert result.path is not None
+    assert result.path.cost <= 1.01 * (result.lower_bound or 0.0)
+    assert not made(world)
+    assert len(world.obstacles) == len(grid_polygons(occupied))
+    assert made(world)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_answers_are_those_of_the_polygons(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    world = World.from_grid(rng.random((12, 15)) < 0.2, 0.5, (3.0, -1.0))
+    plain = replace(world, obstacles=tuple(world.obstacles))
+    q = np.column_stack([rng.uniform(3.0, 10.5, 400), rng.uniform(-1.0, 5.0, 400), rng.uniform(-3.0, 3.0, 400)])
+    mine, theirs = StateChecker(world, ROBOT), StateChecker(plain, ROBOT)
+    assert np.array_equal(mine.valid(q), theirs.valid(q))
+    assert mine.clearance(q) == pytest.approx(theirs.clearance(q), abs=1e-12)
+    # One obstacle goes and another comes: the grid knows which sides were whose.
+    changed = world.edited(remove=[len(world.obstacles) // 2], add=[Disc((6.0, 2.0), 0.3)])
+    assert cells_of(changed) is None
+    edited, anew = mine.edited(changed), StateChecker(changed, ROBOT)
+    assert np.array_equal(edited.valid(q), anew.valid(q))
+
+
+def test_is_a_sequence_like_a_tuple() -> None:
+    occupied = np.eye(4, dtype=np.bool_)
+    world, other = World.from_grid(occupied, 1.0), World.from_grid(occupied, 1.0)
+    shapes = grid_polygons(occupied)
+    assert world == other
+    assert hash(world.obstacles) == hash(shapes)
+    assert world.obstacles == shapes
+    assert shapes == world.obstacles
+    assert world.obstacles != shapes[1:]
+    assert world.obstacles + shapes == shapes + world.obstacles == (*shapes, *shapes)
+    assert world.obstacles[1:3] == shapes[1:3]
+    assert repr(world.obstacles) == repr(shapes)
+    assert not made(pickle.loads(pickle.dumps(world)))  # noqa: S301  # its own
+    assert pickle.loads(pickle.dumps(world)) == world  # noqa: S301  # its own
+
+
+def test_a_turned_grid_is_no_longer_cells() -> None:
+    occupied = np.eye(4, dtype=np.bool_)
+    assert cells_of(World.from_grid(occupied, 1.0, (0.0, 0.0, 0.3))) is None
+    assert cells_of(World.from_grid(occupied, 1.0)) is not None
+    assert CellObstacles(occupied).upright
+
+
+def corners(cell: float, origin: tuple[float, float, float], row: int, column: int) -> list[tuple[float, float]]:
+    """Return a cell's corners by the definition of a map's origin, in complex numbers."""
+    turn = complex(math.cos(origin[2]), math.sin(origin[2]))
+    places = ((column, row), (column + 1, row), (column + 1, row + 1), (column, row + 1))
+    points = (complex(origin[0], origin[1]) + turn * complex(cell * x, cell * y) for x, y in places)
+    return [(point.real, point.imag) for point in points]
+
+
+@pytest.mark.slow
+@given(
+    st.integers(0, 2**30),
+    st.sampled_from([0.05, 0.1, 1.0]),
+    st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0)),
+    st.sampled_from([0.0, math.pi / 2, math.pi, -math.pi, -1.2, 0.3, 3.0, 7.0, 1e-9]),
+)
+def test_a_turned_grids_cells_are_where_their_corners_are(
+    seed: int, cell: float, place: tuple[float, float], yaw: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    cells = rng.integers(0, 2, rng.integers(1, 7, 2)).astype(bool)
+    origin = (*place, yaw)
+    world = World.from_grid(cells, cell, origin)
+    expected = shapely.union_all([shapely.Polygon(corners(cell, origin, *where)) for where in np.argwhere(cells)])
+    got = shapely.union_all([shape.polygon().shapely() for shape in world.obstacles])
+    assert shapely.symmetric_difference(expected, got).area <= 1e-10
+    rows, columns = cells.shape
+    whole = shapely.Polygon(
+        [
+            corners(cell, origin, *at)[k]
+            for k, at in enumerate(((0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0)))
+        ]
+    )
+    free = shapely.box(*world.bounds) if world.boundary is None else world.boundary.shapely()
+    assert shapely.hausdorff_distance(whole, free) <= 1e-9
+    assert world.bounds == pytest.approx(whole.bounds, abs=1e-9)
+
+
+def test_an_occupancy_grids_unknown_cells_are_not_free() -> None:
+    data = np.array([0, 100, -1, 0, 0, 50], dtype=np.int8).reshape(2, 3)  # of a nav_msgs/OccupancyGrid
+    world = World.from_grid(data, 0.5, (10, 20), name="yard")
+    assert (world.name, world.bounds, world.robot) == ("yard", (10.0, 20.0, 11.5, 21.0), None)
+    (obstacle,) = world.obstacles
+    assert obstacle.area == pytest.approx(3 * 0.25)
+    assert obstacle.bounding_box() == (10.5, 20.0, 11.5, 21.0)
+    assert World.from_grid((data != 0).tolist(), 0.5, [10.0, 20.0, 0.0]).obstacles == world.obstacles
+
+
+def test_a_free_grid_has_no_obstacles() -> None:
+    assert World.from_grid(np.zeros((3, 4), dtype=np.uint8), 0.25).bounds == (0.0, 0.0, 1.0, 0.75)
+
+
+CELLS = np.zeros((2, 3), dtype=bool)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ((np.zeros((2, 3)), 1), r"grid: expected truth values or whole numbers .*, got float64 .* \(compare them with"),
+        (([0, 1], 1), r"grid: expected .*, got int64 of shape \(2,\)"),
+        ((np.zeros((2, 3, 3), dtype=np.uint8), 1), r"got uint8 of shape \(2, 3, 3\)"),
+        (("office", 1), r"grid: expected .*, got <U6 of shape \(\)"),
+        ((CELLS[:0], 1), f"expected 1 to {MAX_CELLS:,} cells, got 3 x 0"),
+        ((CELLS, 0), "grid: resolution: expected a finite number above 0, got 0"),
+        ((CELLS, math.nan), "grid: resolution: expected"),
+        ((CELLS, "1"), "grid: resolution: expected"),
+        ((CELLS, 1, (0,)), r"grid: origin: expected x, y or x, y, yaw, got \(0,\)"),
+        ((CELLS, 1, (0, 0, 0, 0)), "grid: origin: expected x, y or x, y, yaw"),
+        ((CELLS, 1, 5), "grid: origin: expected x, y or x, y, yaw, got 5"),
+        ((CELLS, 1, (0, math.inf)), "grid: origin: expected a finite number, got inf"),
+        ((CELLS, 1, (0, 1e9)), "bounds: expected"),
+        ((CELLS, 1, (0, 0), 7), "world: name: expected str, got 7"),
+    ],
+)
+def test_other_grids_are_refused_in_one_line(arguments: tuple[Any, ...], problem: str) -> None:
+    with pytest.raises(TrailmarkError, match=problem) as caught:
+        World.from_grid(*arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_masked_cells_are_not_free() -> None:
+    cells = np.ma.zeros((2, 3), np.int8)
+    cells[:, 1] = np.ma.masked
+    unknown = World.from_grid(cells.filled(-1), 1.0).obstacles
+    assert len(unknown) == 1
+    assert World.from_grid(cells, 1.0).obstacles == unknown
+    assert World.from_grid(cells.astype(bool), 1.0).obstacles == unknown
+    assert World.from_grid(list(cells), 1.0).obstacles == unknown
+
+
+FILE = Path("map.yaml")
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 5), (64, 33)])
+def test_cells_come_back_as_they_were(shape: tuple[int, int]) -> None:
+    occupied = np.random.default_rng(1).random(shape) < 0.3
+    cells = CellObstacles(occupied, 0.1, (-3.7, 0.1 + 0.2, 0.5))
+    found = unpacked_cells(GridEntry(**packed_cells(cells)))
+    assert (found.occupied == occupied).all()
+    assert (found.cell, found.origin) == (cells.cell, cells.origin)
+
+
+def test_a_world_file_holds_cells_or_polygons() -> None:
+    occupied = np.random.default_rng(2).random((9, 17)) < 0.3
+    world = World.from_grid(occupied, 0.25, (-1.0, 2.0), name="map")
+    read = {grid: _read(world_text(world, grid)) for grid in (False, True)}
+    cells = cells_of(read[True])
+    assert cells is not None
+    assert (cells.occupied == occupied).all()
+    assert cells_of(read[False]) is None
+    assert tuple(read[True].obstacles) == read[False].obstacles == tuple(world.obstacles)
+    # What is known of single obstacles is written with them.
+    named = World("map", world.bounds, world.obstacles, ids=tuple(map(str, range(len(world.obstacles)))))
+    assert _read(world_text(named, grid=True)).ids == named.ids
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rows": 0}, "grid.rows: "),
+        ({"rows": 4}, "expected 3 bytes of bits for 4 rows of 6 cells, got 2"),
+        ({"rows": 1}, "expected 1 bytes of bits for 1 rows of 6 cells, got more than 1"),
+        ({"columns": 10**9}, "expected 1 to 64,000,000 cells"),
+        ({"occupied": "x"}, "expected occupied to be bits"),
+        ({"occupied": base64.b64encode(b"bits").decode()}, "expected occupied to be bits"),
+        ({"occupied": base64.b64encode(zlib.compress(bytes(10**8))).decode()}, "got more than 2"),
+        ({"origin": [0.0, 0.0]}, "grid.origin: "),
+        ({"side": 1.0}, "grid.side: unknown key"),
+    ],
+)
+def test_other_cells_are_refused(change: dict[str, Any], message: str) -> None:
+    grid = packed_cells(CellObstacles(np.eye(2, 6, dtype=np.bool_)))
+    with pytest.raises(FormatError, match=message):
+        _from_data(grid=grid | change)
+
+
+def test_cells_and_obstacles_exclude_each_other() -> None:
+    grid = packed_cells(CellObstacles(np.eye(2, dtype=np.bool_)))
+    with pytest.raises(FormatError, match="expected obstacles or a grid, got both"):
+        _from_data(grid=grid, obstacles=[{"shape": "disc", "center": [0.5, 0.5], "radius": 0.1}])
+
+
+def _read(text: str) -> World:
+    data = parse_yaml(text, FILE)
+    assert isinstance(data, dict)
+    return world_from_data(data, FILE)
+
+
+def _from_data(**parts: Any) -> World:
+    return world_from_data({"trailmark": 1, "bounds": [0.0, 0.0, 6.0, 6.0], **parts}, FILE)

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -123,13 +121,3 @@ def test_damaged_files_give_a_world_or_one_line(
     except TrailmarkError as error:
         message = str(error)
     assert len(message.splitlines()) == 1
-
-
-def test_imports_stay_light() -> None:
-    code = (
-        "import sys, trailmark.formats\n"
-        "heavy = {'pydantic', 'yaml', 'PIL', 'shapely', 'scipy', 'matplotlib', 'fcl', 'ompl', 'numba'}\n"
-        "sys.exit(str(heavy & sys.modules.keys()) if heavy & sys.modules.keys() else 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr

@@ -15,11 +15,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from trailmark.errors import FormatError
+from trailmark.errors import FormatError, WorldError
 from trailmark.formats import load_world
-from trailmark.formats.nav2_map import free_cells, unknown_taken_for_free
+from trailmark.formats.nav2_map import free_cells, read_mask, save_nav2_map, unknown_taken_for_free
 from trailmark.formats.schema import MapFile
-from trailmark.world import World
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import ObstacleEstimate, World
+from trailmark.zones import KeepOutZone, SpeedZone
 
 
 def obstacles_at(world: World, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -102,12 +104,6 @@ def test_an_image_with_wrong_fields(
     assert "map.png" in str(caught.value)
 
 
-def test_no_image(tmp_path: Path) -> None:
-    for name in ("none.png", "."):
-        with pytest.raises(FormatError, match=r"cannot be read|expected an image"):
-            World.from_image(tmp_path / name, 0.1)
-
-
 @pytest.mark.parametrize(
     ("keys", "free"),
     [
@@ -122,12 +118,6 @@ def test_values_as_nav2_reads_them(
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     assert (load_world(write_map(tmp_path, grey([254]), **keys)).obstacles == ()) is free
-
-
-def test_quarter_turn(tmp_path: Path) -> None:
-    world = load_world(write_map(tmp_path, grey([254, 254, 0]), origin=[0, 0, math.pi / 2]))
-    assert world.bounds == pytest.approx((-0.5, 0.0, 0.0, 1.5))
-    assert world.obstacles[0].bounding_box() == pytest.approx((-0.5, 1.0, 0.0, 1.5))
 
 
 def free_by_definition(v: int, file: MapFile) -> bool:
@@ -255,10 +245,7 @@ def truncated(name: str) -> bytes:
 @pytest.mark.parametrize(
     ("image", "problem"),
     [
-        (
-            b"this is a text",
-            "not an image that can be read; expected an image of the kinds PGM/PBM/PPM, PNG, BMP, JPEG",
-        ),
+        (b"this is a text", "not an image that can be read; expected an image of the kinds PGM/PBM/PPM, PNG, BMP,"),
         (b"", "not an image that can be read"),
         (b"GIF89a" + bytes(20), "not an image that can be read"),
         (b"P5 4 4 255\n1234", "damaged image"),
@@ -350,3 +337,124 @@ def test_unknown_cells_that_a_threshold_makes_free_are_told(tmp_path: Path, mode
     assert "3 cells of grey 205, which map savers write for unknown, are free" in told(picture, free_thresh=0.25)
     assert told(picture, free_thresh=0.25, negate=1) == ""
     assert told(grey([206, 254]), free_thresh=0.25) == ""
+
+
+BOUNDS = (-1.0, 2.0, 5.0, 6.0)
+WALL, POST = Rectangle((2.0, 4.0), 2.0, 0.04, 0.3), Disc((0.0, 3.0), 0.4)
+HIDDEN = Polygon(np.array([[4.0, 5.0], [5.0, 5.0], [5.0, 6.0], [4.0, 6.0]]))
+
+
+def test_a_saved_map_holds_the_obstacles_and_hardly_more(tmp_path: Path) -> None:
+    known = tuple(ObstacleEstimate(shape, 1e-4 * np.eye(2)) for shape in (WALL, POST))
+    world = World("w", BOUNDS, (WALL, POST, HIDDEN), estimates=(*known, None))
+    files = save_nav2_map(world, tmp_path / "map.yaml", 0.05)
+    assert files == (tmp_path / "map.yaml", tmp_path / "map.pgm")
+    read = World.load(files[0])
+    assert np.allclose(read.bounds, BOUNDS)
+    blocked = shapely.union_all([shape.polygon().shapely() for shape in read.obstacles])
+    for shape in (WALL, POST, HIDDEN):
+        assert shapely.covers(shapely.buffer(blocked, 1e-6), shape.polygon(1e-4).shapely())
+    outside = shapely.union_all([shape.polygon(1e-4).shapely().buffer(0.12) for shape in (WALL, POST, HIDDEN)])
+    assert shapely.covers(outside, blocked)
+    image = np.frombuffer(files[1].read_bytes()[-120 * 80 :], dtype=np.uint8).reshape(80, 120)
+    assert set(np.unique(image)) == {0, 205, 254}
+    assert image[5, 110] == 205  # the first row has the largest y
+    assert (image == 205).sum() == 400
+
+
+def test_without_estimates_all_obstacles_are_solid(tmp_path: Path) -> None:
+    boundary = Polygon(np.array([[-1.0, 2.0], [5.0, 2.0], [5.0, 4.0], [-1.0, 4.0]]))
+    _, image = save_nav2_map(World("w", BOUNDS, (POST,), boundary=boundary), tmp_path / "map.yaml", 0.1)
+    cells = np.frombuffer(image.read_bytes()[-60 * 40 :], dtype=np.uint8).reshape(40, 60)
+    assert cells[29, 10] == 0
+    assert (cells[:20] == 205).all()
+    assert cells[39, 59] == 254
+
+
+PLAIN = World("w", (0.0, 0.0, 9.0, 9.0))
+
+
+def write_mask(folder: Path, rows: list[list[int]], **keys: Any) -> Path:
+    Image.fromarray(np.array(rows, dtype=np.uint8)).save(folder / "mask.pgm")
+    fields = {"image": "mask.pgm", "resolution": 0.5, "origin": [1.0, 2.0, 0.0], **keys}
+    file = folder / "mask.yaml"
+    file.write_text("".join(f"{key}: {value}\n" for key, value in fields.items()))
+    return file
+
+
+def test_occupied_cells_are_kept_out_of(tmp_path: Path) -> None:
+    # Free, unknown, and two regions of occupied cells, which meet in a corner only.
+    file = write_mask(tmp_path, [[254, 205, 0], [0, 0, 254]], mode="trinary", occupied_thresh=0.65, free_thresh=0.1)
+    world = PLAIN.with_mask(file)
+    assert all(isinstance(zone, KeepOutZone) for zone in world.zones)
+    assert sorted(zone.region.bounding_box() for zone in world.zones) == [(1.0, 2.0, 2.0, 2.5), (2.0, 2.5, 2.5, 3.0)]
+    assert set(world.sources) == {file, tmp_path / "mask.pgm"}
+
+
+@pytest.mark.parametrize(("mode", "column"), [("scale", 0), ("raw", 3)])
+def test_grades_are_left_open(tmp_path: Path, mode: str, column: int) -> None:
+    file = write_mask(tmp_path, [[1, 50, 99, 100, 101, 254]], mode=mode, occupied_thresh=0.99, free_thresh=0.1)
+    (zone,) = PLAIN.with_mask(file).zones
+    assert zone.region.bounding_box() == (1.0 + 0.5 * column, 2.0, 1.5 + 0.5 * column, 2.5)
+
+
+@pytest.mark.slow
+def test_speeds_are_shares_of_the_maximum(tmp_path: Path) -> None:
+    grades = list(range(0, 256, 5))
+    file = write_mask(tmp_path, [grades], mode="scale", occupied_thresh=1.0, free_thresh=0.0)
+    world = PLAIN.with_mask(file, "speed", max_speed=2.0)
+    expected = {}
+    for column, grade in enumerate(grades):
+        value = round(100.0 * (1.0 - grade / 255.0))
+        if 0 < value < 100:  # 0 is no limit, and so is a limit of 0 %
+            expected[1.25 + 0.5 * column] = 2.0 * (100 - value) / 100
+    for column in range(len(grades)):
+        x = 1.25 + 0.5 * column
+        limits = [zone.limit for zone in world.zones if isinstance(zone, SpeedZone) and holds(zone, x)]
+        assert limits == pytest.approx([expected[x]] if x in expected else [])
+
+
+def holds(zone: SpeedZone, x: float) -> bool:
+    return bool(shapely.contains_xy(zone.region.shapely(), x, 2.25))
+
+
+def test_base_and_multiplier(tmp_path: Path) -> None:
+    file = write_mask(tmp_path, [[0, 20, 40, 90, 100, 101]], mode="raw")
+    zones = PLAIN.with_mask(file, "speed", base=10.0, multiplier=1.0).zones
+    limits = sorted(zone.limit for zone in zones if isinstance(zone, SpeedZone))
+    assert limits == pytest.approx([0.3, 0.5, 1.0])  # 10 + 100 % is beyond the maximum: no limit
+
+
+def test_published_masks(shared_data: Path) -> None:
+    """Against the pixels themselves, at a sample of their centres."""
+    folder = shared_data / "nav2"
+    world = World.load(folder / "depot.yaml")
+    slow = world.with_mask(folder / "depot_speed.yaml", "speed")
+    closed = world.with_mask(folder / "depot_keepout.yaml")
+    assert {round(zone.limit, 9) for zone in slow.zones if isinstance(zone, SpeedZone)} == {0.5, 0.75, 0.8}
+    rng = np.random.default_rng(0)
+    for name, zones in (("speed", slow.zones), ("keepout", closed.zones)):
+        pixels = np.asarray(Image.open(folder / f"depot_{name}.pgm"))[::-1]
+        rows, columns = (rng.integers(n, size=2000) for n in pixels.shape)
+        inside = np.zeros(2000, bool)
+        for zone in zones:
+            inside |= shapely.contains_xy(zone.region.shapely(), 0.05 * (columns + 0.5), 0.05 * (rows + 0.5))
+        expected = np.isin(pixels[rows, columns], [127, 191, 205] if name == "speed" else [0])
+        assert np.array_equal(inside, expected)
+
+
+def test_what_is_no_mask_is_refused(tmp_path: Path) -> None:
+    file = write_mask(tmp_path, [[0, 254]])
+    with pytest.raises(WorldError, match=r"mask: kind: expected keep-out, speed, got 'sped' \(did you"):
+        PLAIN.with_mask(file, "sped")  # type: ignore[arg-type]
+    with pytest.raises(WorldError, match="mask: max speed: expected a finite number above 0, got 0"):
+        PLAIN.with_mask(file, "speed", max_speed=0.0)
+    with pytest.raises(WorldError, match="mask: base: expected a finite number, got nan"):
+        read_mask(file, "speed", base=float("nan"))
+    with pytest.raises(FormatError, match="image cannot be read"):
+        PLAIN.with_mask(write_mask(tmp_path, [[0]], image="none.pgm"))
+    (tmp_path / "world.yaml").write_text("trailmark: 1\nbounds: [0, 0, 1, 1]\n")
+    with pytest.raises(FormatError, match="no mask: expected nav2 map YAML"):
+        PLAIN.with_mask(tmp_path / "world.yaml")
+    with pytest.raises(FormatError, match=r"none\.yaml"):
+        PLAIN.with_mask(tmp_path / "none.yaml")

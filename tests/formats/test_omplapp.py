@@ -154,38 +154,22 @@ def test_parts_that_touch_in_a_corner_are_one_robot(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "problem_text"),
     [
-        (
-            "start.theta = 0.5\n",
-            "",
-            "[problem]: missing start.theta; expected all of robot, world, start, goal, volume",
-        ),
+        ("start.theta = 0.5\n", "", "[problem]: missing start.theta; expected all of robot, world, start, goal,"),
         ("robot = robot.dae\n", "", "[problem]: missing robot;"),
         ("volume.min.x = -55.0\nvolume.min.y = -50\n", "", "[problem]: missing volume.min.x, volume.min.y;"),
         ("start.x = 1.5", "start.x = abc", "yard.cfg:5: start.x: expected a finite number, got 'abc'"),
         ("start.x = 1.5", "start.x =", "yard.cfg:5: start.x: expected a finite number, got ''"),
         ("start.x = 1.5", "start.x = nan", "yard.cfg:5: start.x: expected a finite number, got 'nan'"),
         ("start.x = 1.5", "start.x 1.5", "yard.cfg:5: expected key = value, got 'start.x 1.5'"),
-        (
-            "start.x = 1.5",
-            "start.x = 1.5\nstart.z = 0",
-            "a problem in space given (it has z); expected problems in the",
-        ),
-        (
-            "volume.max.x = 55",
-            "volume.max.x = -60",
-            "yard.cfg: bounds: expected xmin < xmax and ymin < ymax, got [-55.0, -50.0, -60.0, 50.0]",
-        ),
+        ("start.x = 1.5", "start.x = 1.5\nstart.z = 0", "a problem in space given (it has z); expected problems in"),
+        ("volume.max.x = 55", "volume.max.x = -60", "yard.cfg: bounds: expected xmin < xmax and ymin < ymax, got"),
         ("[problem]", "[benchmark]", "expected an OMPL.app cfg with a section [problem], got none"),
         ("world = world.dae", "world = none.dae", "none.dae: cannot be read: No such file or directory"),
         ("world = world.dae", "world = yard.cfg", "yard.cfg:1: not valid XML"),
         ("robot = robot.dae", "robot =", "cannot be read: Is a directory"),
         ("robot = robot.dae", "robot = point.dae", "point.dae: expected a mesh that covers an area or a line,"),
         ("robot = robot.dae", "robot = dust.dae", "dust.dae: expected one, or up to 100 with gaps below 1% of"),
-        (
-            "robot = robot.dae",
-            "robot = apart.dae",
-            "apart.dae: expected one, or up to 100 with gaps below 1% of its extent, got a robot of 2 parts",
-        ),
+        ("robot = robot.dae", "robot = apart.dae", "apart.dae: expected one, or up to 100 with gaps below 1% of its"),
     ],
 )
 def test_bad_problems(tmp_path: Path, old: str, new: str, problem_text: str) -> None:

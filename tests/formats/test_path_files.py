@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-import csv
+import dataclasses
 import json
 import math
 from pathlib import Path as FilePath
@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.trials import THOROUGH, few
@@ -16,7 +18,18 @@ from trailmark import se2
 from trailmark.errors import ConfigurationError, OutputError
 from trailmark.formats.any_path import read_any_path
 from trailmark.formats.files import check_writable
-from trailmark.formats.path_files import SUFFIXES, write_path
+from trailmark.formats.path_files import (
+    HEADER,
+    SUFFIXES,
+    geojson_feature,
+    geojson_text,
+    message_text,
+    path_message,
+    path_text,
+    trajectory_message,
+    write_path,
+    write_trajectory,
+)
 from trailmark.path import Path
 
 number = st.floats(-1e9, 1e9)
@@ -36,20 +49,6 @@ def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, suffix: s
     assert np.array_equal(found[:, :2], expected[:, :2])
     # Messages hold quaternions.
     np.testing.assert_allclose(se2.wrap(found[:, 2] - expected[:, 2]), 0.0, atol=1e-15 if suffix in MESSAGES else 0.0)
-
-
-def test_csv(tmp_path: FilePath) -> None:
-    write_path(tmp_path / "a.csv", ROWS)
-    with (tmp_path / "a.csv").open(newline="") as file:
-        table = list(csv.DictReader(file))
-    assert [list(map(float, row.values())) for row in table] == ROWS
-    assert list(table[0]) == ["x", "y", "theta"]
-
-
-@pytest.mark.parametrize("name", ["a.path", "a.txt", "a.PATH"])
-def test_plain_rows(tmp_path: FilePath, name: str) -> None:
-    write_path(tmp_path / name, Path(np.array(ROWS)))
-    assert np.loadtxt(tmp_path / name).tolist() == ROWS
 
 
 def test_json_holds_the_record(tmp_path: FilePath) -> None:
@@ -117,3 +116,118 @@ def test_writable_paths_are_left_untouched(tmp_path: FilePath) -> None:
 def test_published_rows(shared_data: FilePath) -> None:
     file = shared_data / "omplapp" / "Maze_planar.path"
     assert np.allclose(read_any_path(file).path.states, np.loadtxt(file), atol=1e-12)
+
+
+STATES = np.array([[0.1, -2.0, 0.0], [1e-7, 3.5, 3.0], [1.0, 1.0, -3.0]])
+
+
+def test_a_path_is_a_line_with_headings() -> None:
+    path = Path(STATES)
+    text = path_text(path, "odom")
+    (line,) = json.loads(text)["features"]
+    assert shapely.get_coordinates(shapely.from_geojson(text)).tolist() == STATES[:, :2].tolist()
+    assert line["properties"]["theta"] == STATES[:, 2].tolist()
+    assert line["properties"]["frame"] == "odom"
+    assert line["properties"]["cost"] == path.cost
+
+
+def test_a_line_has_two_positions_or_more() -> None:
+    (line,) = json.loads(path_text(Path(STATES[:1]), "map"))["features"]
+    assert line["geometry"]["coordinates"] == [[0.1, -2.0]] * 2
+
+
+def test_features_stand_on_lines_of_their_own() -> None:
+    text = geojson_text([geojson_feature({"id": i}, "Point", [i, 0.5]) for i in range(3)])
+    assert text.count("\n") == 5
+    assert [item["properties"]["id"] for item in json.loads(text)["features"]] == [0, 1, 2]
+
+
+STATES_NAV2_MESSAGES = np.array([[1e-5, -2.0, 0.0], [1e17, 3.5, math.pi], [0.1, 1e-300, -1.25]])
+TIMES = np.array([0.0, 1.9999999999, 12.25])
+VELOCITIES = np.array([[0.5, 0.25, 0.0], [1.0, 0.0, -0.5], [0.0, 1.0, 1e-9]])
+
+
+def messages() -> dict[str, dict[str, Any]]:
+    return {
+        "nav_msgs/msg/Path": path_message(STATES_NAV2_MESSAGES, "map"),
+        "nav_msgs/msg/Trajectory": trajectory_message(TIMES, STATES_NAV2_MESSAGES, VELOCITIES, 'a "frame": 1e5'),
+    }
+
+
+@pytest.mark.parametrize("name", messages())
+def test_every_reader_of_yaml_understands_them(name: str) -> None:
+    message = messages()[name]
+    text = message_text(message, name, as_json=False)
+    assert text.startswith("# Written by trailmark")
+    # PyYAML reads YAML 1.1, as ROS's tools do; its numbers with exponents must have a point.
+    assert yaml.safe_load(text) == message
+    text = message_text(message, name, as_json=True)
+    assert yaml.safe_load(text) == json.loads(text) == message
+
+
+@pytest.mark.parametrize("name", messages())
+@pytest.mark.parametrize("as_json", [False, True])
+def test_paths_come_back(tmp_path: FilePath, name: str, as_json: bool) -> None:
+    (tmp_path / "message").write_text(message_text(messages()[name], name, as_json=as_json))
+    found = read_any_path(tmp_path / "message").path.states
+    assert np.array_equal(found[:, :2], STATES_NAV2_MESSAGES[:, :2])
+    np.testing.assert_allclose(found[:, 2], STATES_NAV2_MESSAGES[:, 2], atol=1e-15)
+
+
+def test_a_trajectory_says_when_and_how_fast() -> None:
+    message = trajectory_message(TIMES, STATES_NAV2_MESSAGES, VELOCITIES, "map")
+    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "map"}
+    times = [point["time_from_start"] for point in message["points"]]
+    assert times == [{"sec": 0, "nanosec": 0}, {"sec": 2, "nanosec": 0}, {"sec": 12, "nanosec": 250_000_000}]
+    for point, state, velocity in zip(message["points"], STATES_NAV2_MESSAGES, VELOCITIES, strict=True):
+        twist = complex(point["velocity"]["linear"]["x"], point["velocity"]["linear"]["y"])
+        turned = twist * complex(math.cos(state[2]), math.sin(state[2]))
+        assert (turned.real, turned.imag) == pytest.approx(tuple(velocity[:2]))
+        assert point["velocity"]["angular"] == {"x": 0.0, "y": 0.0, "z": velocity[2]}
+
+
+def test_messages_have_the_fields_of_ros() -> None:
+    """The definitions of nav_msgs/Path, as rosbags has them, take the message."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).types
+
+    def fields(name: str) -> list[str]:
+        return [field.name for field in dataclasses.fields(types[name]) if field.name != "__msgtype__"]
+
+    message = path_message(STATES_NAV2_MESSAGES, "map")
+    assert list(message) == fields("nav_msgs/msg/Path")
+    assert list(message["poses"][0]) == fields("geometry_msgs/msg/PoseStamped")
+    assert list(message["poses"][0]["pose"]) == fields("geometry_msgs/msg/Pose")
+    assert list(message["poses"][0]["pose"]["orientation"]) == fields("geometry_msgs/msg/Quaternion")
+
+
+TRAJECTORY = Path(np.array([[1.0, 3.0, 0.0], [7.0, 3.0, 1.0], [7.0, 5.0, 1.0]])).timed(1.0, 0.7, 1.0)
+
+
+def test_rows_are_the_arrays(tmp_path: FilePath) -> None:
+    file = tmp_path / "drive.csv"
+    write_trajectory(file, TRAJECTORY.t, TRAJECTORY.q, TRAJECTORY.dq)
+    assert file.read_text().splitlines()[0] == HEADER
+    rows = np.loadtxt(file, delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(rows, np.column_stack([TRAJECTORY.t, TRAJECTORY.q, TRAJECTORY.dq]))
+
+
+@pytest.mark.parametrize("name", ["drive.yaml", "drive.nav2.json"])
+def test_nav2s_message_has_a_point_a_row(tmp_path: FilePath, name: str) -> None:
+    file = tmp_path / name
+    write_trajectory(file, TRAJECTORY.t, TRAJECTORY.q, TRAJECTORY.dq, "odom")
+    message = yaml.safe_load(file.read_text())
+    assert message["header"]["frame_id"] == "odom"
+    assert len(message["points"]) == len(TRAJECTORY.t)
+    assert message["points"][-1]["pose"]["position"]["y"] == 5.0
+
+
+def test_what_cannot_be_written_is_refused(tmp_path: FilePath) -> None:
+    t, q, dq = TRAJECTORY.t, TRAJECTORY.q, TRAJECTORY.dq
+    with pytest.raises(OutputError, match="suffix"):
+        write_trajectory(tmp_path / "drive.txt", t, q, dq)
+    with pytest.raises(ConfigurationError, match=r"expected shapes \(n,\), \(n, 3\) and \(n, 3\), got"):
+        write_trajectory(tmp_path / "drive.csv", t[1:], q, dq)
+    with pytest.raises(OutputError):
+        write_trajectory(tmp_path / "nowhere" / "drive.csv", t, q, dq)
+    assert list(tmp_path.iterdir()) == []

@@ -68,7 +68,7 @@ def test_the_animation_reveals_the_map(tmp_path: Path) -> None:
     assert len(grey) >= 40
     assert 4.0 < seconds < 7.5
     assert aimed > 25, "the landmark that is driven to has its own colour"
-    # Numbers beside landmarks and the robot hide some cells.
+    # Landmarks and the robot hide some cells.
     assert grey[0] > 4 * grey[-1] > 0
     assert np.diff(grey).max() < 60
 

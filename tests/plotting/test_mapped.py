@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,8 @@ import pytest
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-from trailmark.errors import OutputError
 from trailmark.estimation import Detector, MappedLog, MapSettings, RangeBearing, Scanner, Unicycle, map_log, simulate
-from trailmark.plotting.mapped import draw_map, save_map_figure
+from trailmark.plotting.mapped import draw_map
 from trailmark.shapes import Disc
 from trailmark.world import ObstacleEstimate, Robot, World
 
@@ -65,14 +63,6 @@ def test_ellipses_hold_centres_with_their_probability() -> None:
     assert "95% ellipse" in labels
 
 
-def test_ellipses_too_small_to_see_are_drawn_larger_and_the_legend_says_so() -> None:
-    axes, labels = drawn(with_covariance(mapped(), 1e-6 * np.eye(2)))
-    (label,) = (label for label in labels if "ellipse" in label)
-    assert label.startswith("95% ellipse, drawn ")
-    scale = int(label.split()[3])
-    np.testing.assert_allclose(ellipses(axes).get_widths(), 2.0 * math.sqrt(5.991464547) * 1e-3 * scale, rtol=1e-8)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("scans", "confidence", "expected"),
@@ -91,19 +81,3 @@ def test_the_legend_names_what_is_drawn(scans: bool, confidence: float | None, e
     assert {"obstacle as measured", "its start", "its end"} <= set(labels)
     way = max(axes.lines, key=lambda line: len(line.get_xdata()))
     np.testing.assert_array_equal(np.column_stack(way.get_data()), mapped(scans, confidence).trajectory[:, 1:3])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
-def test_files(tmp_path: Path, suffix: str, magic: bytes) -> None:
-    # Of the formats the one that names what it holds is written twice; the others test_plotting.py compares.
-    files = [tmp_path / f"{name}{suffix}" for name in ("ab" if suffix == ".svg" else "a")]
-    for file in files:
-        save_map_figure(file, mapped(confidence=0.95))
-    assert files[0].read_bytes().startswith(magic)
-    assert files[0].read_bytes() == files[-1].read_bytes()
-
-
-def test_another_suffix(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"suffix0/map\.gif: suffix: expected \.png, \.svg, \.pdf, got '\.gif'"):
-        save_map_figure(tmp_path / "map.gif", mapped())

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -17,13 +18,20 @@ from tests.support.forks import Forks
 from tests.support.pictures import colours_of, is_colour
 
 from trailmark import plotting
+from trailmark.audit import check_path
 from trailmark.collision import StateChecker
+from trailmark.colours import COLLISION, REPAIRED
+from trailmark.curves import CurvePath, Steering
 from trailmark.errors import OutputError
 from trailmark.motion import motion_of
+from trailmark.moving import Moving
 from trailmark.path import Path
 from trailmark.planning.result import PlanResult
+from trailmark.plotting import OBSTACLE, draw_plan, save_audit_figure, save_world_figure
+from trailmark.plotting.world import draw_world
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
+from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 CAR = Robot.rectangle(0.8, 0.4)
 START, GOAL = (1.0, 1.0, 0.0), (9.0, 5.0, math.pi / 2)
@@ -218,13 +226,6 @@ def test_without_a_path_the_picture_shows_the_roadmap(tmp_path: FilePath, status
 
 
 @pytest.mark.slow
-def test_a_world_without_robot_or_obstacles_and_with_many_queries(tmp_path: FilePath) -> None:
-    queries = tuple(Query(f"q{i}", (0.1 * i, 1.0, 0.0), (9.0, 0.05 * i, 1.0)) for i in range(60))
-    plotting.save_world_figure(tmp_path / "empty.svg", World("empty", (0, 0, 10, 6), queries=queries))
-    assert b"<svg" in (tmp_path / "empty.svg").read_bytes()
-
-
-@pytest.mark.slow
 def test_names_are_not_taken_for_formulas(tmp_path: FilePath) -> None:
     world = World("cost_$5$ ^{ \\frac", ROOM.bounds, queries=(Query("$", START, GOAL),))
     plotting.save_world_figure(tmp_path / "name.png", world)
@@ -239,25 +240,137 @@ def test_other_suffixes_are_refused(tmp_path: FilePath, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_thousands_of_obstacles(tmp_path: FilePath) -> None:
-    rng = np.random.default_rng(0)
-    discs = tuple(Disc((float(x), float(y)), 0.5) for x, y in rng.uniform(0, 100, (2000, 2)))
-    plotting.save_plan_figure(tmp_path / "many.png", World("many", (0, 0, 100, 100), discs), CAR, result_of(None))
-    rgb, counts = colours_of(tmp_path / "many.png")
-    covered = counts[is_colour(rgb, plotting.OBSTACLE)].sum() / counts.sum()
-    assert 0.03 < covered < 0.15  # 2,000 discs cover 14.5 % of the square, and the square 60 % of the picture
-
-
-@pytest.mark.slow
-def test_a_large_grid_map(tmp_path: FilePath, shared_data: FilePath) -> None:
-    world = World.load(shared_data / "movingai" / "8room_000.map")
-    plotting.save_plan_figure(tmp_path / "map.png", world, Robot.disc(0.4), result_of(None))
-    rgb, counts = colours_of(tmp_path / "map.png")
-    assert counts[is_colour(rgb, plotting.OBSTACLE)].sum() > 0.02 * counts.sum()
-    assert counts[is_colour(rgb, "white")].sum() > 0.3 * counts.sum()
-
-
-@pytest.mark.slow
 def test_no_global_state_of_pyplot(forks: Forks) -> None:
     program = "import sys, trailmark.plotting; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert forks.run(["-c", program], timeout=60.0).returncode == 0
+
+
+CAR_PLOTTING_CARS = Robot.rectangle(2.0, 1.0).steered(2.0)
+WORLD = World("open", (0.0, 0.0, 20.0, 20.0), robot=CAR_PLOTTING_CARS)
+KNOTS = np.array([(3.0, 3.0, 0.0), (10.0, 12.0, 3.0), (16.0, 5.0, -1.5)])
+
+
+def axes() -> Axes:
+    made = Figure().add_subplot()
+    made.set(xlim=(0, 20), ylim=(0, 20))
+    return made
+
+
+def test_the_path_drawn_is_the_curve() -> None:
+    drawn, path = axes(), CurvePath(KNOTS, Steering(2.0))
+    draw_plan(drawn, CAR_PLOTTING_CARS, path)
+    (line,) = [line for line in drawn.lines if line.get_label() == "path"]
+    x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+    assert np.hypot(np.diff(x), np.diff(y)).sum() > 0.999 * path.length
+    where = path.at(np.linspace(0.0, 1.0, 500))[:, :2]
+    gaps = np.hypot(where[:, None, 0] - x, where[:, None, 1] - y).min(axis=1)
+    assert np.quantile(gaps, 0.3) < 0.1
+
+
+WORLD_AUDIT = World("room", (0.0, 0.0, 10.0, 6.0), (Disc((5, 3), 1.0),), Robot.rectangle(0.8, 0.4))
+ROBOT = Robot.rectangle(0.8, 0.4)
+
+
+def share(file: FilePath, colour: str) -> float:
+    """Return the share of a picture's pixels that have a colour."""
+    rgb, counts = colours_of(file)
+    return float(counts[is_colour(rgb, colour, 0.02)].sum() / counts.sum())
+
+
+@pytest.mark.slow
+def test_a_collision_is_red_and_a_repaired_path_is_drawn(tmp_path: FilePath) -> None:
+    file = tmp_path / "a.png"
+    audit = check_path(WORLD_AUDIT, ROBOT, [[1, 3, 0], [9, 3, 0]])
+    save_audit_figure(file, WORLD_AUDIT, ROBOT, audit, Path(np.array([[1, 3, 0], [5, 5, 0], [9, 3, 0.0]])))
+    assert share(file, COLLISION) > 0.001
+    assert share(file, REPAIRED) > 0.001
+
+
+@pytest.mark.slow
+def test_a_free_path_has_no_red(tmp_path: FilePath) -> None:
+    file = tmp_path / "a.png"
+    save_audit_figure(file, WORLD_AUDIT, ROBOT, check_path(WORLD_AUDIT, ROBOT, [[1, 1, 0], [9, 1, 0]]))
+    assert share(file, COLLISION) == 0.0
+
+
+@pytest.mark.slow
+def test_a_turn_in_place_that_collides_is_marked(tmp_path: FilePath) -> None:
+    file = tmp_path / "a.png"
+    audit = check_path(WORLD_AUDIT, ROBOT, [[5, 4.3, 0], [5, 4.3, 3.0]])
+    assert not audit.free
+    save_audit_figure(file, WORLD_AUDIT, ROBOT, audit)
+    assert share(file, COLLISION) > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("velocity", [(1.0, 0.3), (0.0, 0.0)])
+def test_a_moving_obstacle_has_an_arrow(tmp_path: FilePath, velocity: tuple[float, float]) -> None:
+    still, moving = tmp_path / "still.png", tmp_path / "moving.png"
+    motion = Moving(Rectangle((2, 2), 1.5, 1), velocity, 4.0)
+    world = World("room", (0.0, 0.0, 10.0, 6.0), (motion,))  # type: ignore[arg-type]  # worlds take moving ones apart
+    save_world_figure(moving, world)
+    save_world_figure(still, World("room", (0.0, 0.0, 10.0, 6.0), world.obstacles))
+    assert 0.0 < share(moving, OBSTACLE) < share(still, OBSTACLE)
+
+
+HISTORY = ((0.004, 12.0), (0.05, 11.0), (0.2, 10.5))
+
+
+def test_steps_from_the_first_path_to_the_end_above_the_bound() -> None:
+    axes = Figure().subplots()
+    plotting.draw_progress(axes, HISTORY, 0.5, 10.0)
+    steps, improved, bound = axes.lines
+    np.testing.assert_allclose(
+        np.asarray(steps.get_xydata(), dtype=float), [[4.0, 12.0], [50.0, 11.0], [200.0, 10.5], [500.0, 10.5]]
+    )
+    assert steps.get_drawstyle() == "steps-post"
+    np.testing.assert_allclose(
+        np.asarray(improved.get_xydata(), dtype=float), [[4.0, 12.0], [50.0, 11.0], [200.0, 10.5]]
+    )
+    assert set(np.asarray(bound.get_ydata()).tolist()) == {10.0}
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    assert 0.0 < left < 4.0
+    assert right > 500.0
+    assert low < 10.0
+    assert high > 12.0
+
+
+def square(x: float, y: float, side: float = 3.0) -> Polygon:
+    return Polygon(np.array([[x, y], [x + side, y], [x + side, y + side], [x, y + side]]))
+
+
+ZONES: tuple[Zone, ...] = (
+    CostZone(square(1, 1), 3.0),
+    CostZone(square(6, 1), 0.5),
+    KeepOutZone(square(11, 1)),
+    OneWayZone(square(1, 6), math.pi / 2, 0.5),
+    SpeedZone(square(6, 6), 0.25),
+    SpeedZone(square(100, 100), 0.5),  # beyond the picture
+    SpeedZone(square(11, 6, 0.01), 0.5),  # too small for a text
+)
+
+
+@pytest.mark.slow
+def test_zones_are_drawn_where_they_are() -> None:
+    figure = Figure(figsize=(8.0, 5.0), dpi=100)
+    canvas: Any = FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    draw_world(axes, World("w", (0.0, 0.0, 16.0, 10.0), zones=ZONES))
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[::-1, :, :3] / 255.0
+
+    def colours(x: float, y: float) -> np.ndarray:
+        left, low = axes.transData.transform((x, y)).astype(int)
+        return pixels[low : low + 40, left : left + 40].reshape(-1, 3)
+
+    assert (colours(4.3, 4.3) == 1.0).all()  # nothing is there
+    avoid, prefer = np.median(colours(1.2, 1.2), axis=0), np.median(colours(6.2, 1.2), axis=0)
+    assert avoid[0] > avoid[1] > avoid[2]  # orange
+    assert prefer[1] > prefer[0]  # green
+    red = colours(11.2, 1.2)
+    assert 0.05 < ((red[:, 0] > 0.6) & (red[:, 1] < 0.4)).mean() < 0.6  # hatched
+    assert (colours(1.2, 6.2) != 1.0).any(axis=1).all()
+    assert (colours(6.2, 6.2) != 1.0).any(axis=1).all()
+    _, labels = axes.get_legend_handles_labels()
+    assert set(labels) >= {"keep-out zone", "one-way zone", "speed zone", "avoid (cost zone)", "prefer (cost zone)"}
+    assert sorted(text.get_text() for text in axes.texts) == ["", "× 0.5", "× 3", "≤ 0.25 m/s"]

@@ -5,14 +5,12 @@ from __future__ import annotations
 import io
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
 from trailmark import Disc, LandmarkPlanner, Query, Robot, World
-from trailmark.errors import ConfigurationError
 
 ROBOT = Robot.rectangle(0.8, 0.4)
 QUERY = Query("over", (1.0, 1.0, 0.0), (9.0, 5.0, 1.5))
@@ -35,17 +33,6 @@ def test_they_draw_into_the_axes_given_and_return_them(planned: Any) -> None:
         assert axes.get_legend() is None
         assert axes.has_data()
         assert axes.get_aspect() == 1.0
-
-
-def test_new_axes_have_title_and_legend(planned: Any) -> None:
-    with mpl.rc_context({"backend": "agg"}):
-        from matplotlib import pyplot
-
-        axes = planned[1].plot(roadmap=planned[0].roadmap)
-        assert axes.figure is pyplot.gcf()
-        labels = {text.get_text() for text in axes.get_legend().get_texts()}
-        pyplot.close(axes.figure)
-    assert {"path", "start", "goal", "obstacle", "landmark", "edge, certified"} <= labels
 
 
 LABELS = {
@@ -78,11 +65,6 @@ def test_clearance_is_a_layer_of_its_own() -> None:
     values = np.asarray(image.get_array())
     assert values.max() == pytest.approx(2.0, abs=0.1)  # between disc and wall, as far from either
     assert with_it.get_xlim() == without.get_xlim()
-
-
-def test_unknown_layers_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match=r"did you mean 'obstacles'\?"):
-        ROOM.plot(obstacle=False)
 
 
 @pytest.mark.slow

@@ -15,8 +15,7 @@ import shapely
 from trailmark import se2
 from trailmark.audit.minkowski import penetration_depths
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape, signed_area
-from trailmark.triangles import convex_pieces
+from trailmark.shapes import Disc, Polygon, Shape, convex_pieces, signed_area
 from trailmark.world import Robot
 
 __all__ = ["RISE", "Penetration", "bounds_depth", "deepest", "first_rise"]

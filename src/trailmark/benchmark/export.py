@@ -17,8 +17,7 @@ import shapely
 from trailmark import se2
 from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.keep_out import with_keep_outs
-from trailmark.shapes import Disc, Polygon
-from trailmark.triangles import triangulate
+from trailmark.shapes import Disc, Polygon, triangulate
 from trailmark.world import Query, Robot, World
 
 __all__ = ["VERSION", "problem_text"]

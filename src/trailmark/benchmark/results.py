@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.labels import differences
-from trailmark.benchmark.schema import APPLICATION, LATER, MEASURED, VERSION
+from trailmark.benchmark.schema import APPLICATION, MEASURED, VERSION
 from trailmark.benchmark.status import Status
 from trailmark.errors import FormatError, TrailmarkError
 
@@ -282,6 +282,6 @@ def _check_schema(db: sqlite3.Connection, file: Path) -> None:
     if missing:
         raise StoreError(f"{file}: the table {missing[0]!r} is missing; {ALLOWED}")
     columns = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
-    absent = sorted({"id", "experimentid", "plannerid", *MEASURED} - columns - set(LATER))
+    absent = sorted({"id", "experimentid", "plannerid", *MEASURED} - columns)
     if absent:
         raise StoreError(f"{file}: the table 'runs' has no column {absent[0]!r}; {ALLOWED}")

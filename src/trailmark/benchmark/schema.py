@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from trailmark.benchmark.status import Status
 
-__all__ = ["APPLICATION", "DDL", "ENUMS", "LATER", "MEASURED", "VERSION"]
+__all__ = ["APPLICATION", "DDL", "ENUMS", "MEASURED", "VERSION"]
 
 VERSION = 1
 """Of the schema, in the database's ``user_version``."""
@@ -48,9 +48,6 @@ MEASURED = {
 
 Paths are JSON, a list of states [x, y, theta]. The record's curve is in ``progress``, a row for each better path.
 """
-
-LATER = ("smoothness", "max_curvature", "min_clearance", "parameters")
-"""Those that the first databases do not have: they are read as null there, and added when one is written to."""
 
 ENUMS = [("status", int(status), status.description) for status in Status]
 

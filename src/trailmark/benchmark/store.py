@@ -19,7 +19,7 @@ from typing import Any, Self
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.schema import APPLICATION, DDL, ENUMS, LATER, MEASURED, VERSION
+from trailmark.benchmark.schema import APPLICATION, DDL, ENUMS, MEASURED, VERSION
 from trailmark.errors import OutputError
 from trailmark.formats.files import check_writable
 
@@ -191,11 +191,6 @@ class Store:
             )
         elif version != VERSION:
             raise StoreError(f"{self.path}: expected schema version {VERSION} or a new file, got version {version}")
-        else:
-            there = {row[1] for row in self._db.execute("PRAGMA table_info(runs)")}
-            with self._transaction():
-                for name in set(LATER) - there:
-                    self._db.execute(f"ALTER TABLE runs ADD COLUMN {name} {MEASURED[name]}")
 
     def _require_same(self, there: Mapping[str, Any], now: Mapping[str, Any]) -> None:
         other = [name for name in sorted({*there, *now}) if there.get(name) != now.get(name)]

@@ -22,9 +22,8 @@ from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.compiled import njit
 from trailmark.lock import Lock
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.shapes import Disc, Polygon, Shape, triangulate
 from trailmark.sorting import order_of
-from trailmark.triangles import triangulate
 from trailmark.world import Robot, World
 
 __all__ = ["FclScene"]

@@ -1,18 +1,24 @@
-"""trailmark's own world file, schema version 1: YAML that people write and read."""
+"""trailmark's own world file, schema version 1: YAML that people write and read; and robots in YAML files."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from trailmark.arguments import brief, real
 from trailmark.errors import ConfigurationError, FormatError, OutputError, ShapeError, WorldError
+from trailmark.formats.files import read_text
+from trailmark.formats.schema import ObstacleList, QueryEntry, RobotFile, WorldFile, validate
+from trailmark.formats.yaml_data import parse_yaml
 from trailmark.goals import Goal
 from trailmark.moving import Moving
+from trailmark.robot import Robot
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
+from trailmark.world import ObstacleEstimate, Query, RiskBound, World
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 if TYPE_CHECKING:
@@ -22,6 +28,7 @@ __all__ = [
     "HEADER",
     "obstacles_from_data",
     "query_from_data",
+    "read_robot",
     "robot_data",
     "robot_from_entry",
     "world_data",
@@ -48,20 +55,18 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
             message names the field, its value and what is allowed.
     """
     from trailmark.formats.grid import unpacked_cells
-    from trailmark.formats.schema import WorldFile, validate
 
     version = data["trailmark"]
     if isinstance(version, bool | float) or version != 1:
         raise FormatError(path, f"trailmark: expected 1 (the schema version), got {version!r}")
-    discs = _plain_discs(data.get("obstacles"))
-    file = validate(WorldFile, {**data, "obstacles": []} if discs else data, path)
+    file = validate(WorldFile, data, path)
     robot = None if file.robot is None else _build(path, "robot", robot_from_entry, file.robot)
     boundary = None if file.boundary is None else _build(path, "boundary", Polygon, file.boundary)
     entries = file.obstacles or ()
-    if file.grid is not None and (discs or file.obstacles):
+    if file.grid is not None and file.obstacles:
         raise FormatError(path, "expected obstacles or a grid, got both")
     grid = None if file.grid is None else _build(path, "grid", unpacked_cells, file.grid)
-    obstacles = discs or [_build(path, f"obstacles[{i}]", _any_obstacle, entry) for i, entry in enumerate(entries)]
+    obstacles = [_build(path, f"obstacles[{i}]", _any_obstacle, entry) for i, entry in enumerate(entries)]
     estimates = [
         None if entry.estimate is None else _build(path, f"obstacles[{i}].estimate", _estimate, entry.estimate)
         for i, entry in enumerate(entries)
@@ -82,23 +87,6 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         zones=tuple(_build(path, f"zones[{i}]", _zone, entry) for i, entry in enumerate(file.zones or ())),
         sources=(path.absolute(),),
     )
-
-
-def _plain_discs(rows: Any) -> list[Shape] | None:
-    """Return a list of nothing but discs in a fifth of the time; None if the schema has to look at it."""
-    if type(rows) is not list:
-        return None
-    discs: list[Shape] = []
-    try:
-        for row in rows:
-            center = row["center"]
-            if len(row) != 3 or row["shape"] != "disc" or type(center) is not list:
-                return None
-            x, y = center
-            discs.append(Disc((x, y), row["radius"]))
-    except (TypeError, ValueError, LookupError, ShapeError):
-        return None
-    return discs
 
 
 def world_text(world: World, grid: bool = False) -> str:
@@ -183,8 +171,6 @@ def obstacles_from_data(entries: list[Any], where: str) -> list[tuple[str | None
     Raises:
         FormatError: one of them is none, or has an estimate; the message begins with ``where``.
     """
-    from trailmark.formats.schema import ObstacleList, validate
-
     path = Path(where)
     found = validate(ObstacleList, {"obstacles": entries}, path).obstacles
     for i, entry in enumerate(found):
@@ -199,8 +185,6 @@ def query_from_data(data: dict[str, Any], where: str) -> Query:
     Raises:
         FormatError: it describes none; the message begins with ``where``.
     """
-    from trailmark.formats.schema import QueryEntry, validate
-
     goal = data.get("goal")
     if isinstance(goal, list) and len(goal) == 2 and not isinstance(goal[0], dict):
         data = {**data, "goal": {"pose": goal}}
@@ -343,3 +327,59 @@ def _text(text: str) -> str:
         raise OutputError(f"name: expected a text that UTF-8 can hold, got {text!r}") from None
     quoted: str = yaml.safe_dump(text, default_style='"', width=1 << 30, allow_unicode=True)
     return quoted.rstrip("\n")
+
+
+_ALLOWED = "expected a robot {shape: ...}, a world with one, or parameters with footprint or robot_radius"
+
+
+def read_robot(path: Path) -> Robot:
+    """Return the robot that a YAML file describes.
+
+    - ``shape: rectangle`` and so on, as under ``robot`` in a world file; or a mapping with the key ``robot``, such as a
+      world file.
+    - Parameters of nav2 or of ROS 1's move_base: a ``footprint`` (a text or a list) that is not empty, else
+      ``robot_radius``, at any depth. Where costmaps differ, the global one's counts, in which nav2 plans.
+      ``footprint_padding`` is left out: it is a margin, not the robot.
+
+    Raises:
+        FormatError: the file is missing, is not YAML, holds no robot, or several different ones.
+    """
+    data = parse_yaml(read_text(path, _ALLOWED), path)
+    entry = data.get("robot", data) if isinstance(data, dict) else None
+    try:
+        if isinstance(entry, dict) and "shape" in entry:
+            return robot_from_entry(validate(RobotFile, {"robot": entry}, path).robot)
+        found = dict(_parameters(data, ""))
+    except ShapeError as error:
+        raise FormatError(path, f"robot: {error}") from None
+    # Nodes' names may have a namespace before them: /robot1/global_costmap.
+    chosen = {where: robot for where, robot in found.items() if "global_costmap" in where} or found
+    if not chosen:
+        raise FormatError(path, f"no robot: {_ALLOWED}")
+    (where, robot), *others = chosen.items()
+    for other, another in others:
+        if another != robot:
+            raise FormatError(path, f"expected one robot, got different ones at {where} and {other}")
+    return robot
+
+
+def _parameters(data: Any, where: str) -> Iterator[tuple[str, Robot]]:
+    """Yield the robots that mappings hold, each with its place in the file."""
+    if not isinstance(data, dict):
+        return
+    footprint, radius = data.get("footprint"), data.get("robot_radius")
+    if isinstance(footprint, str | list) and footprint not in ("", "[]", []):
+        yield where or "footprint", _of_footprint(footprint, f"{where}footprint")
+    elif radius is not None:
+        if not real(radius) > 0.0:
+            raise ShapeError(f"{where}robot_radius: expected a number above 0 (metres), got {brief(radius)}")
+        yield where or "robot_radius", Robot.disc(real(radius))
+    for key, value in data.items():
+        yield from _parameters(value, f"{where}{key}.")
+
+
+def _of_footprint(footprint: str | list[Any], where: str) -> Robot:
+    try:
+        return Robot.parse(footprint) if isinstance(footprint, str) else Robot.polygon(footprint)
+    except ShapeError as error:
+        raise ShapeError(f"{where}: {error}") from None

@@ -13,8 +13,8 @@ import numpy as np
 
 from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError, WorldError
+from trailmark.goals import Query
 from trailmark.live.messages import Message
-from trailmark.query import Query
 from trailmark.robot import Robot
 from trailmark.world import World
 

@@ -31,8 +31,7 @@ from trailmark.curves.words import drive
 from trailmark.keep_out import keep_outs
 from trailmark.motion import Motion
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape
-from trailmark.triangles import convex_pieces
+from trailmark.shapes import Disc, Polygon, Shape, convex_pieces
 from trailmark.world import Robot, World
 from trailmark.zones import KeepOutZone
 

@@ -40,9 +40,6 @@ MAX_FRAMES, FRAME_SECONDS, LAST_FRAMES = 110, 0.11, 14
 NUMBER_ROOM = np.array([15.0, 9.0])
 """Points that the numbers of two landmarks are apart, along x or along y."""
 
-MAX_NUMBERS = 12
-"""Landmarks that have their numbers in an animation, the latest ones: text takes most of the time."""
-
 DPI, MAX_CELLS = 80, 150_000
 """Of an animation: about a cell for two pixels."""
 
@@ -82,7 +79,8 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> dict[str, Any]:
     scale.outline.set_visible(False)
     bar.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
     bar.set_title("time [s]", fontsize=7, color=TEXT, loc="left")
-    draw_landmarks(axes, history.landmarks())
+    _draw_marks(axes, history.landmarks())
+    _number_landmarks(axes, history.landmarks())
     for q, colour, marker, label in (
         (history.figures[0, 5:], START, "o", "_"),
         (history.figures[-1, 5:], GOAL, "s", "_"),
@@ -125,17 +123,20 @@ def coarse(
     return found, times, size * cell
 
 
-def draw_landmarks(axes: Axes, landmarks: se2.FloatArray) -> tuple[Line2D, dict[int, Any]]:
-    """Draw landmarks, shape (k, 3), and numbers where there is room; return their marks, and the numbers by rows."""
+def _draw_marks(axes: Axes, landmarks: se2.FloatArray) -> Line2D:
     (marks,) = axes.plot(*landmarks[:, :2].T, "o", color=LANDMARK, ms=5.0, mec="white", mew=0.8, zorder=6.0)
-    notes, room = dict[int, Any](), NUMBER_ROOM / points_per_metre(axes)
+    return marks
+
+
+def _number_landmarks(axes: Axes, landmarks: se2.FloatArray) -> None:
+    """Write their numbers beside landmarks, shape (k, 3), where there is room."""
+    numbered, room = list[int](), NUMBER_ROOM / points_per_metre(axes)
     for i, at in enumerate(landmarks[:, :2]):
-        if (np.abs(landmarks[list(notes), :2] - at) < room).all(axis=1).any():
+        if (np.abs(landmarks[numbered, :2] - at) < room).all(axis=1).any():
             continue
         note = axes.annotate(str(i + 1), at, xytext=(4, 3), textcoords="offset points", zorder=9.0)
         note.set(fontsize=7, color=LANDMARK, path_effects=[withStroke(linewidth=2.0, foreground="white")])
-        notes[i] = note
-    return marks, notes
+        numbered.append(i)
 
 
 def save_exploration_animation(file: str | FilePath, result: ExplorationResult) -> None:
@@ -185,7 +186,7 @@ class _Film:
         (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), zorder=5.0)
         (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0, zorder=6.5)
         self.landmarks = self.history.landmarks()
-        self.marks, self.notes = draw_landmarks(axes, self.landmarks)
+        self.marks = _draw_marks(axes, self.landmarks)
         self.body = PolyCollection([], facecolors=PATH, edgecolors="white", zorder=7.0)
         axes.add_collection(self.body, autolim=False)
         self.note = axes.annotate("", (0.0, 1.0), xytext=(0, 8), xycoords="axes fraction", textcoords="offset points")
@@ -205,18 +206,8 @@ class _Film:
             f"{row.time:.0f} s   {row.area:.0f} m² known   {row.distance:.1f} m driven   {_plural(row.landmarks)}"
         )
         self.marks.set_data(*self.landmarks[: row.landmarks, :2].T)
-        notes = [note for i, note in self.notes.items() if i < row.landmarks]
         self.canvas.restore_region(self.empty)
-        for artist in (
-            self.image,
-            self.way,
-            self.path,
-            self.marks,
-            *notes[-MAX_NUMBERS:],
-            self.target,
-            self.body,
-            self.note,
-        ):
+        for artist in (self.image, self.way, self.path, self.marks, self.target, self.body, self.note):
             self.axes.draw_artist(artist)
         return np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
 

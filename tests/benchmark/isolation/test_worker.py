@@ -88,21 +88,6 @@ def test_what_a_planner_of_the_users_own_prepares_is_set_up_and_no_planning(work
 
 
 @pytest.mark.slow
-def test_parameters_reach_the_planner(worker: Worker, ahead: Problem) -> None:
-    # Straight ahead: with motions of 0.5 m at most, the tree has the 16 pieces of 8 m; unlimited, one edge does.
-    short, default = (
-        worker.run(job(ahead, name)) for name in ("RRTConnect+certified:range=0.5", "RRTConnect+certified")
-    )
-    assert short["correct_solution"]
-    assert default["correct_solution"]
-    steps = np.hypot(*np.diff(np.array(short["path"])[:, :2], axis=0).T)
-    assert steps.max() <= 0.5 + 1e-9
-    assert len(default["path"]) < len(short["path"])
-    first = worker.run(job(ahead, "landmark:first_landmarks=2,sweeps=1"))
-    assert first["correct_solution"]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("planner", "reverse"),
     [
@@ -202,14 +187,6 @@ def test_times_are_held_against_the_clock_outside(rogue: str, worker: Worker, ah
 
 def test_what_a_planner_prints_is_no_answer(worker: Worker, ahead: Problem) -> None:
     assert worker.run(job(ahead, ROGUES + "shout"))["status"] == Status.TIMEOUT
-
-
-@pytest.mark.slow
-def test_a_solution_that_comes_late_is_none(worker: Worker, ahead: Problem) -> None:
-    late = worker.run(job(ahead, ROGUES + "honest", limit=1e-4))
-    assert not late["solved"] or late["time"] < 0.03
-    slow = worker.run(job(ahead, "tests.benchmark.rogues:honest", limit=0.2))
-    assert slow["solved"]
 
 
 @pytest.mark.slow

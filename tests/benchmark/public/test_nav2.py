@@ -1,9 +1,7 @@
-"""nav2's pairs, against its tool's own loop over a costmap made cell by cell."""
+"""nav2's pairs: drawn where there is room, and joined by free cells."""
 
 from __future__ import annotations
 
-import math
-import random
 from pathlib import Path
 
 import numpy as np
@@ -32,45 +30,6 @@ def room() -> np.ndarray:
     blocked[60:140, 100:104] = True
     blocked[20:24, 180:200] = True
     return blocked
-
-
-def costs(blocked: np.ndarray) -> np.ndarray:
-    """nav2_costmap_2d's InflationLayer::computeCost, for every cell from every blocked one."""
-    found = np.zeros(blocked.shape, dtype=np.uint8)
-    rows, columns = np.indices(blocked.shape)
-    nearest = np.full(blocked.shape, np.inf)
-    for row, column in np.argwhere(blocked):
-        nearest = np.minimum(nearest, 0.05 * np.hypot(rows - row, columns - column))
-    found[nearest <= 0.7] = (252 * np.exp(-3.0 * (nearest[nearest <= 0.7] - RADIUS))).clip(0, 252).astype(np.uint8)
-    found[nearest <= RADIUS] = 253
-    found[blocked] = 254
-    return found
-
-
-@pytest.mark.slow
-def test_pairs_are_those_of_the_tool(tmp_path: Path) -> None:
-    blocked = room()
-    costmap = costs(blocked)
-    found = Places(write_map(tmp_path, blocked), Robot.disc(RADIUS)).pairs(20)
-    # metrics.py: getRandomStart and getRandomGoal, on a map whose sides are a tenth of theirs.
-    rng = random.Random(33)  # noqa: S311  # the published sequence
-    side = 200 // 20
-    pairs: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
-    while len(pairs) < 20:
-        while True:
-            row, col = rng.randint(side, 200 - side), rng.randint(side, 240 - side)
-            if costmap[row, col] < 210:
-                start = (col, row, rng.uniform(0, 1) * 2 * math.pi)
-                break
-        while True:
-            row, col = rng.randint(side, 200 - side), rng.randint(side, 240 - side)
-            apart = math.hypot(col * 0.05 - start[0] * 0.05, row * 0.05 - start[1] * 0.05)
-            if costmap[row, col] < 210 and apart > 3.0:
-                goal = (col, row, rng.uniform(0, 1) * 2 * math.pi)
-                break
-        pairs.append((start, goal))
-    wanted = [[(1.0 + 0.05 * (c + 0.5), -2.0 + 0.05 * (r + 0.5), yaw) for c, r, yaw in pair] for pair in pairs]
-    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12)
 
 
 def test_pairs_that_nothing_joins_are_drawn_anew(tmp_path: Path) -> None:

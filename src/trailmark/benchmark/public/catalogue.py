@@ -5,14 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.benchmark.public.barn import Barn
 from trailmark.benchmark.public.base import PublicSuite
 from trailmark.benchmark.public.bench_mr import BenchMR
-from trailmark.benchmark.public.families import Families
 from trailmark.benchmark.public.graded import Clutter, Passages
-from trailmark.benchmark.public.movingai import MovingAI
 from trailmark.benchmark.public.nav2 import ExploreBench, Nav2
-from trailmark.benchmark.public.omplapp import OmplApp
+from trailmark.benchmark.public.published import Barn, Families, MovingAI, OmplApp
 
 __all__ = ["PUBLIC", "folder_of"]
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from trailmark.robot import Robot
 from trailmark.se2 import difference, interpolate, transform
-from trailmark.triangles import triangulate
+from trailmark.shapes import triangulate
 
 __all__ = ["swept_region"]
 
