@@ -141,7 +141,7 @@ def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
         i = int(rng.integers(len(world.obstacles)))
         x, y = rng.uniform(3, 27, 2).tolist()
         if k % 3 == 0:
-            world = world.edited(add=[(Disc((x, y), 0.5), Rectangle((x, y), 2.0, 0.3, x % 3.0))[k % 2]])
+            world = world.edited(add=[(Disc((x, y), 0.5), Rectangle((x, y), 2.0, 0.3, x % np.pi))[k % 2]])
         else:
             world = world.edited(remove=[i]) if k % 3 == 1 else world.edited(move={i: (0.5, -0.2, 0.3)})
         final = final.edited(world)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.collision import StateChecker
-from trailmark.planning import LandmarkPlanner, PlanProgress
+from trailmark.planning import LandmarkPlanner
 from trailmark.planning.proofs.prover import BackgroundProof
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -80,10 +80,11 @@ def test_planning_ends_with_the_proof_and_leaves_no_thread() -> None:
 
 @pytest.mark.slow
 def test_an_error_ends_the_thread_too() -> None:
-    def fail(progress: PlanProgress) -> None:
+    def fail() -> bool:
         if others() == 1:
             raise KeyboardInterrupt
+        return False
 
     with pytest.raises(KeyboardInterrupt):
-        LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, on_progress=fail)
+        LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, stop=fail)
     assert others() == 0
