@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.background import Background, Result
-from trailmark.exploration.certainty import open_loop, places_of
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.following import PathFollower, contact_points, turned_around
+from trailmark.exploration.following import BACK, PathFollower, contact_points, turned_around, way_back, way_back_to
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.mapper import Draw, Mapper
 from trailmark.exploration.result import Status
 from trailmark.exploration.strategies import Strategy, choice_of
 from trailmark.exploration.survey import Memory, Survey, survey
-from trailmark.exploration.way_back import BACK, way_back, way_back_to
+from trailmark.exploration.travel import open_loop, places_of
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out

@@ -24,8 +24,7 @@ from trailmark.estimation.slam.ekf_slam import EkfSlam
 from trailmark.estimation.slam.slam_result import AssociationMethod, MapFeature
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.mapper import Intake
-from trailmark.exploration.record_checks import CARRIED, RecordChecks
+from trailmark.exploration.mapper import CARRIED, Intake, RecordChecks
 from trailmark.exploration.strips import bounds_margins, cells_that_meet, strips_along
 from trailmark.se2 import FloatArray, difference, transform, wrap
 from trailmark.shapes import Disc

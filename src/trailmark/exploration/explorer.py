@@ -21,8 +21,7 @@ from trailmark.exploration.following import PathFollower
 from trailmark.exploration.mapper import Intake, Mapper
 from trailmark.exploration.mappers import check_visible, mapper_for, sensor_of
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult, Status
-from trailmark.exploration.robots import DriveReport, ExploringRobot
-from trailmark.exploration.simulated_robot import SimulatedRobot
+from trailmark.exploration.simulated_robot import DriveReport, ExploringRobot, SimulatedRobot
 from trailmark.exploration.strategies import Strategy, strategy_of
 from trailmark.exploration.visible_area import evaluate
 from trailmark.planning import LandmarkPlanner

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.pose_graph import MIN_POINTS
 from trailmark.estimation.graph.scan_slam import ScanSlam
-from trailmark.estimation.graph.submaps import MIN_POINTS
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.log_map import map_log
 from trailmark.estimation.scans.clouds import joined, relative, surface_cloud
@@ -24,8 +24,7 @@ from trailmark.estimation.scans.scan_poses import DeadReckoning
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
-from trailmark.exploration.mapper import Draw, Intake
-from trailmark.exploration.record_checks import CARRIED, RecordChecks
+from trailmark.exploration.mapper import CARRIED, Draw, Intake, RecordChecks
 from trailmark.se2 import FloatArray, compose, difference
 from trailmark.world import Robot, World
 

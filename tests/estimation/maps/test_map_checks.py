@@ -14,7 +14,7 @@ from trailmark.estimation.maps.map_checks import (
     gap_warnings,
     log_warnings,
 )
-from trailmark.estimation.maps.obstacle_estimates import disc_estimates
+from trailmark.estimation.maps.scan_obstacles import disc_estimates
 from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult
 
 

@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.graph.estimate import Estimate, IntArray, NoiseModel
 from trailmark.estimation.graph.odometry import Motions, OdometryCalibration, OdometryTrack, Readings, SensorCalibration
-from trailmark.estimation.graph.smoother import Smoother, Solution
+from trailmark.estimation.graph.smoother import Estimate, IntArray, NoiseModel, Smoother, Solution
 from trailmark.se2 import FloatArray
 
 __all__ = ["GATE", "Batch", "correlation_time", "updated_variances"]

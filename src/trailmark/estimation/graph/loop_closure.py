@@ -18,12 +18,11 @@ from trailmark.estimation.graph.graph_settings import (
     WINDOW,
     GraphSettings,
 )
-from trailmark.estimation.graph.pose_graph import Relation
-from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans, in_frame
+from trailmark.estimation.graph.pose_graph import MIN_POINTS, KeyScans, Relation, in_frame
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud, transformed
 from trailmark.estimation.scans.correlation import ELSEWHERE, Window, match_covariance, search
-from trailmark.estimation.scans.line_of_sight import in_view
+from trailmark.estimation.scans.local_map import in_view
 from trailmark.estimation.scans.matching import refine
 from trailmark.se2 import FloatArray, compose
 

@@ -25,8 +25,8 @@ from trailmark.estimation.maps.map_checks import (
 )
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.mapped_log import MappedLog
-from trailmark.estimation.maps.obstacle_estimates import disc_estimates
 from trailmark.estimation.maps.scan_map import ScanMap, map_scans
+from trailmark.estimation.maps.scan_obstacles import disc_estimates
 from trailmark.estimation.risk.allocation import regrow
 from trailmark.estimation.scans.scan_poses import missing_odometry, scan_poses
 from trailmark.se2 import FloatArray, transform

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.graph.reassociation import seen_from
 from trailmark.estimation.graph.scan_slam import ScanPoses
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record, Scan
+from trailmark.estimation.maps.unnamed_features import seen_from
 from trailmark.estimation.slam.slam_result import SlamResult
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
