@@ -23,9 +23,16 @@ from trailmark.estimation.simulation.virtual_sensors import Detector, RayCaster
 from trailmark.estimation.slam.ekf_slam import EkfSlam
 from trailmark.estimation.slam.slam_result import AssociationMethod, MapFeature
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.known_map import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    KnownMap,
+    bounds_margins,
+    cells_that_meet,
+    strips_along,
+)
 from trailmark.exploration.mapper import CARRIED, Intake, RecordChecks
-from trailmark.exploration.strips import bounds_margins, cells_that_meet, strips_along
 from trailmark.se2 import FloatArray, difference, transform, wrap
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World

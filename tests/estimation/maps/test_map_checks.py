@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
-from trailmark.estimation.maps.map_checks import (
+from trailmark.estimation.maps.mapped_log import (
     association_doubts,
     gap_warnings,
     log_warnings,
