@@ -31,6 +31,27 @@ from trailmark.world import Robot, World
 __all__ = ["Course", "Divided", "divided", "planner_in"]
 
 
+SEEN = 0.95
+"""Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
+
+LEAST_DRIVE = 0.2
+"""Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most."""
+
+DECISION = 0.1
+"""Seconds after which a way that is being looked for is waited for no longer, and no other landmark is chosen, before
+the sensor has been read again."""
+
+ON_PATH = 2e-3
+"""Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
+
+MAX_FAILED = 100
+"""Ways in a row that are not found, or given up before anything is driven, before the robot is stuck: by then each
+place has been looked at again and again, and the sensor's noise goes on changing what is known of it."""
+
+MAX_SEARCH = 150.0
+"""Planning times that may be spent on them, likewise: the last ones are looked for much longer than the first."""
+
+
 class Divided(NamedTuple):
     """A map, its cells divided, and what goes with it."""
 
@@ -76,27 +97,6 @@ def divided(
     remembered = memory.divided(state, known)
     remembered.find_levels(known, finer.robot)
     return Divided(known, finer, remembered)
-
-
-SEEN = 0.95
-"""Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
-
-LEAST_DRIVE = 0.2
-"""Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most."""
-
-DECISION = 0.1
-"""Seconds after which a way that is being looked for is waited for no longer, and no other landmark is chosen, before
-the sensor has been read again."""
-
-ON_PATH = 2e-3
-"""Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
-
-MAX_FAILED = 100
-"""Ways in a row that are not found, or given up before anything is driven, before the robot is stuck: by then each
-place has been looked at again and again, and the sensor's noise goes on changing what is known of it."""
-
-MAX_SEARCH = 150.0
-"""Planning times that may be spent on them, likewise: the last ones are looked for much longer than the first."""
 
 
 class Course:

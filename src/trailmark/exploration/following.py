@@ -28,6 +28,20 @@ HALF = 0.55
 """Of the way from one row to the next, from its middle to either: a curve is longer than the line between its ends."""
 
 
+AHEAD = 4
+"""Half cells of the way on: what the robot ran into is taken to fill all that it would have swept there."""
+
+BESIDE = 0.1
+"""Cells beside the robot as it stands: what does not lead farther has not run into anything."""
+
+BACK = 0.5
+"""Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell."""
+
+DEEP = 1.5
+"""Cells inside the robot: a surface that deep in its body, where it has driven, has come there since; one less deep may
+be a matter of the map's resolution."""
+
+
 def turned_around(path: Path, checker: StateChecker) -> Path:
     """Return the path with a full turn at its end, where there is room for it."""
     turned = np.repeat(path.states[-1:], 5, axis=0)
@@ -160,13 +174,6 @@ def grown(mask: BoolArray, radius: float, cell: float) -> BoolArray:
     return found
 
 
-AHEAD = 4
-"""Half cells of the way on: what the robot ran into is taken to fill all that it would have swept there."""
-
-BESIDE = 0.1
-"""Cells beside the robot as it stands: what does not lead farther has not run into anything."""
-
-
 def contact_points(robot: Robot, states: FloatArray, cell: float) -> FloatArray:
     """Return points that the robot's outline would have come to, x, y, shape (m, 2), none of them where it stands.
 
@@ -181,14 +188,6 @@ def contact_points(robot: Robot, states: FloatArray, cell: float) -> FloatArray:
     swept = np.asarray(transform(ahead, rim)).reshape(-1, 2)
     body = shapely.Polygon(transform(states[0], outline.vertices)).buffer(BESIDE * cell)
     return np.asarray(swept[~shapely.contains_xy(body, swept)])
-
-
-BACK = 0.5
-"""Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell."""
-
-DEEP = 1.5
-"""Cells inside the robot: a surface that deep in its body, where it has driven, has come there since; one less deep may
-be a matter of the map's resolution."""
 
 
 def way_back(driven: FloatArray, distance: float, reach: float) -> FloatArray:

@@ -53,6 +53,10 @@ Box = tuple[int, int, int, int]
 """x and y of two corners, in cells or in parts of one."""
 
 
+STRIP_PARTS: Final = 4
+"""Of a cell's side, to a whole number of which strips are widened: few readings change them."""
+
+
 class Agreement(NamedTuple):
     """How many beams of a scan agree with a map."""
 
@@ -331,10 +335,6 @@ def joined(boxes: NDArray[np.int64]) -> set[Box]:
                 merged.append(list(box))
         found = [(x0, y0, x1, y1) for x0, y0, x1, y1 in merged]
     return set(found)
-
-
-STRIP_PARTS: Final = 4
-"""Of a cell's side, to a whole number of which strips are widened: few readings change them."""
 
 
 def bounds_margins(covariance: FloatArray, robot: Robot, deviations: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What makes a map of what a robot senses, while it explores: poses, cells, and how sure they are."""
+"""What makes a map of what a robot senses, while it explores, and which records it can use."""
 
 from __future__ import annotations
 
@@ -29,6 +29,10 @@ MOMENT: Final = 0.1
 """Seconds for which a velocity holds at least, until the next one."""
 
 READS: Final = {Scan: "scans", Detection: "detections"}
+
+
+Draw = Callable[[Callable[[], bool]], KnownMap]
+"""Draws a map, in any thread; what it is given is asked between scans whether to end early, with part of a map."""
 
 
 class RecordChecks:
@@ -133,10 +137,6 @@ class RecordChecks:
                 f"{abs(turn):g} rad"
             )
         return ""
-
-
-Draw = Callable[[Callable[[], bool]], KnownMap]
-"""Draws a map, in any thread; what it is given is asked between scans whether to end early, with part of a map."""
 
 
 class Intake(NamedTuple):

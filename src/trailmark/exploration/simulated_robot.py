@@ -26,6 +26,29 @@ from trailmark.world import World
 __all__ = ["DriveReport", "ExploringRobot", "SimulatedRobot", "disc_detector", "laser_scanner"]
 
 
+ODOMETRY: Final = PoseIncrement(2e-4, 2e-4, 2e-4, growth=(4e-4, 1e-4, 4e-4))
+"""2 cm and 0.01 rad after a metre, 0.02 rad after a radian, growing as the root of what is driven: a wheeled robot
+indoors. What each record adds (0.2 mm, 0.2 mrad) keeps the covariance of a turn on the spot regular."""
+
+PERIOD = 0.1
+"""Seconds between records of odometry, at most."""
+
+INSTANT = 1e-9
+"""Seconds: what is closer together is simultaneous."""
+
+LEAST_STATED = 0.01
+"""Share of the noise that records state when there is less: filters cannot use a covariance of 0."""
+
+EXACT = 1e-9
+"""Share of the noise that sensors have when there is none: a detector's model has no deviation of 0."""
+
+STOP = 1e-3
+"""Metres before a contact at which a robot comes to a stop, at most."""
+
+APART = 0.05
+"""Share of the inscribed radius that a robot has to be away from what it met for the next contact to count."""
+
+
 class DriveReport(NamedTuple):
     """What became of a command to drive, as the robot itself knows it."""
 
@@ -55,29 +78,6 @@ class ExploringRobot(Protocol):
                 first row is (0, 0, 0); one row means to stand still.
             seconds: how long to drive at most.
         """
-
-
-ODOMETRY: Final = PoseIncrement(2e-4, 2e-4, 2e-4, growth=(4e-4, 1e-4, 4e-4))
-"""2 cm and 0.01 rad after a metre, 0.02 rad after a radian, growing as the root of what is driven: a wheeled robot
-indoors. What each record adds (0.2 mm, 0.2 mrad) keeps the covariance of a turn on the spot regular."""
-
-PERIOD = 0.1
-"""Seconds between records of odometry, at most."""
-
-INSTANT = 1e-9
-"""Seconds: what is closer together is simultaneous."""
-
-LEAST_STATED = 0.01
-"""Share of the noise that records state when there is less: filters cannot use a covariance of 0."""
-
-EXACT = 1e-9
-"""Share of the noise that sensors have when there is none: a detector's model has no deviation of 0."""
-
-STOP = 1e-3
-"""Metres before a contact at which a robot comes to a stop, at most."""
-
-APART = 0.05
-"""Share of the inscribed radius that a robot has to be away from what it met for the next contact to count."""
 
 
 def laser_scanner(max_range: Positive, cell: Positive, most: Count = 1000) -> Scanner:

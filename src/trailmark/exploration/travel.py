@@ -1,4 +1,4 @@
-"""What ways cost, roughly and at once: over the cells of the known map where the robot may pass."""
+"""What ways cost, roughly and at once, over the cells of the known map; how sure places along them would be."""
 
 from __future__ import annotations
 
@@ -31,6 +31,20 @@ NEAREST = 10
 STRAIGHT: Final = 12
 DIAGONAL: Final = 17
 """Steps, in twelfths of a cell's side: 17/12 is 0.2 % more than the root of two."""
+
+
+MOST_POSES = 100
+"""Where the robot was, from the first pose to the last, among which it is looked for an open loop."""
+
+OPEN = 3.0
+"""Cells that a pose has drifted by where a loop is open. Surfaces that lie less far apart shut no passage in which the
+robot has room: to drive round for loops of one cell took explorations a quarter more of the way, and showed no more."""
+
+NEAR = 0.5
+"""Share of the sensor's range around a place that the robot came back to in which no loop is left to be closed."""
+
+SHORT = 0.5
+"""Share of the way along which two places are related, at most, that the way between them has where a loop is open."""
 
 
 class Travel:
@@ -128,20 +142,6 @@ def costs_between(fits: NDArray[np.uint8], cells: NDArray[np.int64], nearest: in
                 between[k, other] = min(between[k, other], length)
                 between[other, k] = min(between[other, k], length)
     return between
-
-
-MOST_POSES = 100
-"""Where the robot was, from the first pose to the last, among which it is looked for an open loop."""
-
-OPEN = 3.0
-"""Cells that a pose has drifted by where a loop is open. Surfaces that lie less far apart shut no passage in which the
-robot has room: to drive round for loops of one cell took explorations a quarter more of the way, and showed no more."""
-
-NEAR = 0.5
-"""Share of the sensor's range around a place that the robot came back to in which no loop is left to be closed."""
-
-SHORT = 0.5
-"""Share of the way along which two places are related, at most, that the way between them has where a loop is open."""
 
 
 def expected_falls(places: FloatArray, visited: FloatArray, sigmas: FloatArray, within: float) -> FloatArray:

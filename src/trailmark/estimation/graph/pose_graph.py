@@ -1,4 +1,4 @@
-"""Poses and relations between them, optimised by gtsam."""
+"""Scans as nodes, local maps made of some of them, and the poses that their relations come to, by gtsam."""
 
 from __future__ import annotations
 
@@ -17,6 +17,22 @@ from trailmark.se2 import FloatArray
 __all__ = ["MIN_POINTS", "KeyScans", "Relation", "in_frame", "optimise", "pose_covariances", "relative_covariances"]
 
 BoolArray = NDArray[np.bool_]
+
+
+IntArray = NDArray[np.intp]
+
+MIN_POINTS = 10
+"""End points that a scan needs to be matched: fewer do not show a shape."""
+
+THIN = 0.1
+"""Metres: a cloud of several scans has one point for each square of this side."""
+
+REVISITED = 0.003, 0.001
+"""Metres and radians by which the maps of two visits to a place disagree, each with the errors of its own scans, which
+all matches between the two have in common."""
+
+MAX_POINTS = 300
+"""Points of such a cloud, at most: more make a search slower, and hardly surer."""
 
 
 class Relation(NamedTuple):
@@ -147,22 +163,6 @@ def _graph(relations: Sequence[Relation], poses: FloatArray) -> tuple[Any, Any]:
 
 def _poses_of(values: Any, n: int) -> FloatArray:
     return np.array([(p.x(), p.y(), p.theta()) for p in (values.atPose2(i) for i in range(n))])
-
-
-IntArray = NDArray[np.intp]
-
-MIN_POINTS = 10
-"""End points that a scan needs to be matched: fewer do not show a shape."""
-
-THIN = 0.1
-"""Metres: a cloud of several scans has one point for each square of this side."""
-
-REVISITED = 0.003, 0.001
-"""Metres and radians by which the maps of two visits to a place disagree, each with the errors of its own scans, which
-all matches between the two have in common."""
-
-MAX_POINTS = 300
-"""Points of such a cloud, at most: more make a search slower, and hardly surer."""
 
 
 class KeyScans:

@@ -39,6 +39,20 @@ PROBES = 8
 """Draws that the redundancy is estimated from; the relative error of a mean over k rows is about 1/√(PROBES k)."""
 
 
+FLOOR = 1e-4
+"""Metres and radians: standard deviation added to each motion, since gtsam takes no noise of 0."""
+
+HELD = 1e-6
+"""Metres and radians: standard deviation of the first pose, where the factors' frame is."""
+
+IntArray = NDArray[np.intp]
+
+NODES = np.array(list(product([-(3.0**0.5), 0.0, 3.0**0.5], repeat=2)))
+"""Where Gauss-Hermite quadrature takes two standard normal deviates, exact up to the fifth degree, shape (9, 2)."""
+
+WEIGHTS = np.prod(np.where(NODES == 0.0, 2.0 / 3.0, 1.0 / 6.0), axis=1)
+
+
 class LinearSystem:
     """Whitened residuals b − A x of an estimate's error x.
 
@@ -86,13 +100,6 @@ class LinearSystem:
         unit[columns, np.arange(len(columns))] = 1.0
         joint = np.asarray(self._factor.solve(unit))[columns]
         return np.asarray(0.5 * (joint + joint.T))
-
-
-FLOOR = 1e-4
-"""Metres and radians: standard deviation added to each motion, since gtsam takes no noise of 0."""
-
-HELD = 1e-6
-"""Metres and radians: standard deviation of the first pose, where the factors' frame is."""
 
 
 class Solution(NamedTuple):
@@ -287,14 +294,6 @@ def _arms(to: FloatArray) -> FloatArray:
     arms = np.tile(np.eye(3), (len(to), 1, 1))
     arms[:, 0, 2], arms[:, 1, 2] = -to[:, 1], to[:, 0]
     return arms
-
-
-IntArray = NDArray[np.intp]
-
-NODES = np.array(list(product([-(3.0**0.5), 0.0, 3.0**0.5], repeat=2)))
-"""Where Gauss-Hermite quadrature takes two standard normal deviates, exact up to the fifth degree, shape (9, 2)."""
-
-WEIGHTS = np.prod(np.where(NODES == 0.0, 2.0 / 3.0, 1.0 / 6.0), axis=1)
 
 
 @dataclass(frozen=True)

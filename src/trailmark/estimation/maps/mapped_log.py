@@ -40,6 +40,42 @@ _OBSTACLES = ("discs", "walls", "heaps", "unknown")
 """Kinds of obstacles: heaps are groups of cells that beams met, unknown is what no beam has reached."""
 
 
+MAX_SPEED = 10.0
+"""Metres a second: no indoor robot is as fast, and few outdoors are."""
+
+MIN_RATIO = 0.7
+"""NIS to its expectation: what is nearer to 1 changes a covariance by less than a fifth of its deviation."""
+
+MIN_UPDATES = 30
+"""Updates before which the NIS says little."""
+
+MAX_LEFT_OUT = 0.05
+"""Share of the readings that may fit no feature."""
+
+SAME = 0.99
+"""Probability that two estimates of one thing pass as one."""
+
+READ = 0.9
+"""Share of the readings of features in the middle of the sensor's view that a right map has. Of 75 simulated maps
+without identities that were right, 70 had more, of 31 wrong ones 5, and these fail another check."""
+
+JOINED = 2
+"""Features that must have been read both before and after any time: fewer do not say how what was mapped before it
+lies beside what was mapped after it, and if the robot was carried, nothing shows it."""
+
+APART = 5.0
+"""Standard deviations that features must lie apart: nearer ones are taken for each other."""
+
+SHOWN = 5
+"""Places, at most, that a sentence names."""
+
+GAP, UNUSUAL = 5.0, 20.0
+"""Seconds without odometry, and in intervals as they mostly are, that are a gap: both together."""
+
+DAY = 86_400.0
+"""Seconds: a longer gap between two records is a clock that was set."""
+
+
 class MappedLog(NamedTuple):
     """The outcome of :func:`trailmark.estimation.map_log`."""
 
@@ -147,42 +183,6 @@ def _kind(estimate: ObstacleEstimate | None) -> str:
     if estimate is None:
         return "unknown"
     return {Disc: "discs", Rectangle: "walls", Polygon: "heaps"}[type(estimate.mean)]
-
-
-MAX_SPEED = 10.0
-"""Metres a second: no indoor robot is as fast, and few outdoors are."""
-
-MIN_RATIO = 0.7
-"""NIS to its expectation: what is nearer to 1 changes a covariance by less than a fifth of its deviation."""
-
-MIN_UPDATES = 30
-"""Updates before which the NIS says little."""
-
-MAX_LEFT_OUT = 0.05
-"""Share of the readings that may fit no feature."""
-
-SAME = 0.99
-"""Probability that two estimates of one thing pass as one."""
-
-READ = 0.9
-"""Share of the readings of features in the middle of the sensor's view that a right map has. Of 75 simulated maps
-without identities that were right, 70 had more, of 31 wrong ones 5, and these fail another check."""
-
-JOINED = 2
-"""Features that must have been read both before and after any time: fewer do not say how what was mapped before it
-lies beside what was mapped after it, and if the robot was carried, nothing shows it."""
-
-APART = 5.0
-"""Standard deviations that features must lie apart: nearer ones are taken for each other."""
-
-SHOWN = 5
-"""Places, at most, that a sentence names."""
-
-GAP, UNUSUAL = 5.0, 20.0
-"""Seconds without odometry, and in intervals as they mostly are, that are a gap: both together."""
-
-DAY = 86_400.0
-"""Seconds: a longer gap between two records is a clock that was set."""
 
 
 def gap_warnings(records: Sequence[Record]) -> list[str]:

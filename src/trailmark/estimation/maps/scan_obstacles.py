@@ -21,6 +21,32 @@ from trailmark.world import ObstacleEstimate
 __all__ = ["MapObstacles", "disc_estimates", "find_obstacles", "wall_estimate"]
 
 
+BoolArray = NDArray[np.bool_]
+
+Found = list[tuple[ObstacleEstimate, FloatArray]]
+"""Obstacles, each with its end points, shape (n, 2)."""
+
+GAP = 0.3
+"""Metres between stretches of a wall that count as joined, unless beams passed between them."""
+
+MIN_WALL = 0.2
+"""Shortest stretch that becomes a wall, metres."""
+
+THICKNESS = 0.05
+"""Metres that walls reach behind the front that was seen."""
+
+EXPLAINED = 0.1
+"""Metres from a wall or disc within which occupied cells count as part of it; a cell in any case: its points lie
+anywhere in theirs."""
+
+MAX_UNKNOWN_CELLS = 4
+"""Cells of an unknown patch, met by no beam, up to which it counts as free like what is around it."""
+
+PIERCED = 0.05
+"""Share of a disc's inner cells that beams went through, from which on it is none: short arcs, such as the two faces at
+the end of a thin wall, fit circles that reach into free space. Of real posts and columns no inner cell is passed."""
+
+
 @checked_arguments(EstimationError)
 def disc_estimates(
     points: Annotated[ArrayLike, shaped(None, 2)],
@@ -107,31 +133,6 @@ def wall_estimate(
     wall = Rectangle((float(centre[0]), float(centre[1])), high - low, thickness, alpha + 0.5 * math.pi)
     total = 0.5 * (total + total.T)
     return ObstacleEstimate(wall, total if end_sigma else total[:3, :3])
-
-
-BoolArray = NDArray[np.bool_]
-Found = list[tuple[ObstacleEstimate, FloatArray]]
-"""Obstacles, each with its end points, shape (n, 2)."""
-
-GAP = 0.3
-"""Metres between stretches of a wall that count as joined, unless beams passed between them."""
-
-MIN_WALL = 0.2
-"""Shortest stretch that becomes a wall, metres."""
-
-THICKNESS = 0.05
-"""Metres that walls reach behind the front that was seen."""
-
-EXPLAINED = 0.1
-"""Metres from a wall or disc within which occupied cells count as part of it; a cell in any case: its points lie
-anywhere in theirs."""
-
-MAX_UNKNOWN_CELLS = 4
-"""Cells of an unknown patch, met by no beam, up to which it counts as free like what is around it."""
-
-PIERCED = 0.05
-"""Share of a disc's inner cells that beams went through, from which on it is none: short arcs, such as the two faces at
-the end of a thin wall, fit circles that reach into free space. Of real posts and columns no inner cell is passed."""
 
 
 class MapObstacles(NamedTuple):

@@ -42,6 +42,25 @@ SELDOM = 0.2
 """A feature read so many times less often than usual, where it should be seen, is none."""
 
 
+TURNS = 2
+"""Filter and batch, at most: after the second hardly anything changes."""
+
+ALIKE = 0.98
+"""The share of readings that are of the same feature as before, from which on nothing is to be gained."""
+
+CAUTION = 4.0
+"""By how much larger the odometry's variances are while the filter associates: where it skidded once, a pose that is
+too sure of itself takes a neighbour for the feature itself."""
+
+GATE, NEW_GATE = 0.999, 1.0 - 1e-8
+"""Probabilities that a reading passes its own feature's gate, and the one beyond which it is of none known: a feature
+begun in vain is merged later, a reading lost in between costs little."""
+
+PLACE_SIGMA = 0.03
+"""Metres: how far off features may be from where their readings show them, besides the readings' noise: what stands
+somewhere is not a point."""
+
+
 class Labels(NamedTuple):
     """Features, and which reading is of which."""
 
@@ -204,25 +223,6 @@ def without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confir
     share = counts / np.maximum(inside.sum(axis=0), counts)
     usual = float(np.average(share, weights=counts)) if counts.sum() else 0.0
     return labels.only((counts >= confirm) & (share >= SELDOM * usual))
-
-
-TURNS = 2
-"""Filter and batch, at most: after the second hardly anything changes."""
-
-ALIKE = 0.98
-"""The share of readings that are of the same feature as before, from which on nothing is to be gained."""
-
-CAUTION = 4.0
-"""By how much larger the odometry's variances are while the filter associates: where it skidded once, a pose that is
-too sure of itself takes a neighbour for the feature itself."""
-
-GATE, NEW_GATE = 0.999, 1.0 - 1e-8
-"""Probabilities that a reading passes its own feature's gate, and the one beyond which it is of none known: a feature
-begun in vain is merged later, a reading lost in between costs little."""
-
-PLACE_SIGMA = 0.03
-"""Metres: how far off features may be from where their readings show them, besides the readings' noise: what stands
-somewhere is not a point."""
 
 
 class Association(NamedTuple):

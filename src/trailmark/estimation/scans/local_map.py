@@ -39,6 +39,13 @@ LEVELS = 6
 """Resolutions of the likelihood: a cell of level k has the largest of 2^k x 2^k cells."""
 
 
+BEHIND = 0.5
+"""Metres behind a surface up to which points count as in view: poses err, and what stands at walls is cluttered."""
+
+NEIGHBOURS = 0.06
+"""Radians between end points up to which a scan has seen what lies between them."""
+
+
 class LocalMap(NamedTuple):
     """Surface points, and grids around them; row 0 has the smallest y."""
 
@@ -145,13 +152,6 @@ def _grids(points, x0, y0, rows, columns, levels):  # type: ignore[no-untyped-de
             if nearest[r, c] >= 0:
                 likelihood[0, r, c] = np.uint8(255.0 * exp(factor * squares[r, c]) + 0.5)
     return nearest, likelihood
-
-
-BEHIND = 0.5
-"""Metres behind a surface up to which points count as in view: poses err, and what stands at walls is cluttered."""
-
-NEIGHBOURS = 0.06
-"""Radians between end points up to which a scan has seen what lies between them."""
 
 
 def in_view(cloud: PointCloud, points: FloatArray) -> NDArray[np.bool_]:
