@@ -52,15 +52,8 @@ def record(shell: Shell, *words: object) -> dict[str, Any]:
 MEASURED, DRIVEN = "Robot1_Measurement.dat", "Robot1_Odometry.dat"
 BAD_LINES = [
     (DRIVEN, 5, "0.3 0.2", "expected 3 finite numbers t, v, omega, got 2 columns"),
-    (DRIVEN, 5, "0.3 0.2 0.0 1.0", "got 4 columns"),
-    (DRIVEN, 5, "0.3 nan 0.0", "expected 3 finite numbers t, v, omega, got '0.3 nan 0.0'"),
-    (DRIVEN, 5, "0.3 inf 0.0", "expected 3 finite numbers"),
-    (DRIVEN, 5, "0.3 zwei 0.0", "expected 3 finite numbers"),
     (DRIVEN, 5, "0.1 0.2 0.0", "time: expected 0.2 or later, got 0.1"),
     (MEASURED, 3, "1.05 99 2.0 0.4", "barcode: expected one of Barcodes.dat: 5, 25, 63, got 99"),
-    (MEASURED, 3, "1.05 25 -2.0 0.4", "got -2"),
-    (MEASURED, 3, "0.02 25 2.0 0.4", "time: expected 0.55 or later, got 0.02"),
-    (MEASURED, 6, "2.55 63 3", "got 3 columns"),
 ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record, Scan
-from trailmark.exploration.record_checks import CARRIED, RecordChecks
+from trailmark.exploration.mapper import CARRIED, RecordChecks
 
 SCAN = Scan(1.0, np.full(8, 2.0), -1.0, 0.25, 5.0)
 STEP = Increment(1.0, 0.1, 0.0, 0.0, np.diag([1e-4, 1e-4, 1e-4]))

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
-from trailmark.exploration.strips import bounds_margins, cells_that_meet, strips_along
+from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap, bounds_margins, cells_that_meet, strips_along
 from trailmark.se2 import transform
 from trailmark.world import Robot
 

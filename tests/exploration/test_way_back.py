@@ -6,9 +6,8 @@ import numpy as np
 
 from trailmark import Robot
 from trailmark.collision.footprint import build_footprint
-from trailmark.exploration.following import STEP
+from trailmark.exploration.following import STEP, way_back, way_back_to
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
-from trailmark.exploration.way_back import way_back, way_back_to
 
 
 def test_the_way_back_is_what_was_driven_last() -> None:

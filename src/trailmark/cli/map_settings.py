@@ -45,8 +45,9 @@ def read_map_settings(file: str | None) -> MapFile:
     from trailmark.formats.files import read_text
 
     path = Path(file)
+    text = read_text(path)
     try:
-        given: Any = yaml.safe_load(read_text(path))
+        given: Any = yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise FormatError(path, f"expected YAML, got {' '.join(str(error).split())}") from None
     try:

@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from trailmark.estimation.maps.map_settings import MappingSettings as MappingSettings
     from trailmark.estimation.maps.map_settings import MapSettings as MapSettings
     from trailmark.estimation.maps.mapped_log import MappedLog as MappedLog
-    from trailmark.estimation.maps.obstacle_estimates import disc_estimates as disc_estimates
-    from trailmark.estimation.maps.obstacle_estimates import wall_estimate as wall_estimate
     from trailmark.estimation.maps.scan_map import ScanMap as ScanMap
     from trailmark.estimation.maps.scan_map import map_scans as map_scans
+    from trailmark.estimation.maps.scan_obstacles import disc_estimates as disc_estimates
+    from trailmark.estimation.maps.scan_obstacles import wall_estimate as wall_estimate
     from trailmark.estimation.risk.allocation import refined as refined
     from trailmark.estimation.risk.allocation import regrow as regrow
     from trailmark.estimation.risk.growth import grow as grow
@@ -63,7 +63,7 @@ _NAMES = {
     "maps.log_map": "map_log",
     "maps.map_settings": "MapSettings MappingSettings",
     "maps.mapped_log": "MappedLog",
-    "maps.obstacle_estimates": "disc_estimates wall_estimate",
+    "maps.scan_obstacles": "disc_estimates wall_estimate",
     "maps.scan_map": "ScanMap map_scans",
     "risk.allocation": "refined regrow",
     "risk.path_risk": "path_risk",

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from trailmark.exploration.result import Evaluation as Evaluation
     from trailmark.exploration.result import ExplorationProgress as ExplorationProgress
     from trailmark.exploration.result import ExplorationResult as ExplorationResult
-    from trailmark.exploration.robots import DriveReport as DriveReport
-    from trailmark.exploration.robots import ExploringRobot as ExploringRobot
+    from trailmark.exploration.simulated_robot import DriveReport as DriveReport
+    from trailmark.exploration.simulated_robot import ExploringRobot as ExploringRobot
     from trailmark.exploration.simulated_robot import SimulatedRobot as SimulatedRobot
     from trailmark.exploration.strategies import STRATEGIES as STRATEGIES
     from trailmark.exploration.strategies import Outlook as Outlook
@@ -33,8 +33,8 @@ _HOME = {
     "Evaluation": "result",
     "ExplorationProgress": "result",
     "ExplorationResult": "result",
-    "DriveReport": "robots",
-    "ExploringRobot": "robots",
+    "DriveReport": "simulated_robot",
+    "ExploringRobot": "simulated_robot",
     "SimulatedRobot": "simulated_robot",
     "STRATEGIES": "strategies",
 }

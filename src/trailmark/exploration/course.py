@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.background import Background, Result
-from trailmark.exploration.certainty import open_loop, places_of
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.following import PathFollower, contact_points, turned_around
+from trailmark.exploration.following import BACK, PathFollower, contact_points, turned_around, way_back, way_back_to
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.mapper import Draw, Mapper
 from trailmark.exploration.result import Status
 from trailmark.exploration.strategies import Strategy, choice_of
 from trailmark.exploration.survey import Memory, Survey, survey
-from trailmark.exploration.way_back import BACK, way_back, way_back_to
+from trailmark.exploration.travel import open_loop, places_of
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
@@ -30,6 +29,27 @@ from trailmark.se2 import FloatArray
 from trailmark.world import Robot, World
 
 __all__ = ["Course", "Divided", "divided", "planner_in"]
+
+
+SEEN = 0.95
+"""Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
+
+LEAST_DRIVE = 0.2
+"""Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most."""
+
+DECISION = 0.1
+"""Seconds after which a way that is being looked for is waited for no longer, and no other landmark is chosen, before
+the sensor has been read again."""
+
+ON_PATH = 2e-3
+"""Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
+
+MAX_FAILED = 100
+"""Ways in a row that are not found, or given up before anything is driven, before the robot is stuck: by then each
+place has been looked at again and again, and the sensor's noise goes on changing what is known of it."""
+
+MAX_SEARCH = 150.0
+"""Planning times that may be spent on them, likewise: the last ones are looked for much longer than the first."""
 
 
 class Divided(NamedTuple):
@@ -77,27 +97,6 @@ def divided(
     remembered = memory.divided(state, known)
     remembered.find_levels(known, finer.robot)
     return Divided(known, finer, remembered)
-
-
-SEEN = 0.95
-"""Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
-
-LEAST_DRIVE = 0.2
-"""Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most."""
-
-DECISION = 0.1
-"""Seconds after which a way that is being looked for is waited for no longer, and no other landmark is chosen, before
-the sensor has been read again."""
-
-ON_PATH = 2e-3
-"""Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
-
-MAX_FAILED = 100
-"""Ways in a row that are not found, or given up before anything is driven, before the robot is stuck: by then each
-place has been looked at again and again, and the sensor's noise goes on changing what is known of it."""
-
-MAX_SEARCH = 150.0
-"""Planning times that may be spent on them, likewise: the last ones are looked for much longer than the first."""
 
 
 class Course:

@@ -23,10 +23,16 @@ from trailmark.estimation.simulation.virtual_sensors import Detector, RayCaster
 from trailmark.estimation.slam.ekf_slam import EkfSlam
 from trailmark.estimation.slam.slam_result import AssociationMethod, MapFeature
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.mapper import Intake
-from trailmark.exploration.record_checks import CARRIED, RecordChecks
-from trailmark.exploration.strips import bounds_margins, cells_that_meet, strips_along
+from trailmark.exploration.known_map import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    KnownMap,
+    bounds_margins,
+    cells_that_meet,
+    strips_along,
+)
+from trailmark.exploration.mapper import CARRIED, Intake, RecordChecks
 from trailmark.se2 import FloatArray, difference, transform, wrap
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
@@ -41,6 +47,22 @@ NEAREST: Final = 8
 
 APART: Final = 0.5, 0.3
 """Metres and radians between two poses that are not the same."""
+
+
+GATE: Final = 1.0 - 1e-6
+"""Probability with which a reading of a known disc fits it."""
+
+SURE: Final = 0.999
+"""Probability with which all readings of a sweep together are as near to the map; else wheels have slipped."""
+
+STRANGE: Final = 3
+"""Sweeps in a row that do not fit the map, after which the robot is lost."""
+
+SLIP: Final = 0.5, 0.3
+"""Metres and radians by which wheels may slip between two sweeps: the robot is found again without being lost."""
+
+DISCS: Final = 20
+"""Discs that a path comes near, over which the risk is spread."""
 
 
 class Alignment(NamedTuple):
@@ -112,22 +134,6 @@ def _rigid(points: FloatArray, places: FloatArray) -> FloatArray:
     theta = np.arctan2((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum(), (p * q).sum())
     turned = transform(np.array([0.0, 0.0, theta]), points.mean(axis=0)[None])[0]
     return np.append(places.mean(axis=0) - turned, theta)
-
-
-GATE: Final = 1.0 - 1e-6
-"""Probability with which a reading of a known disc fits it."""
-
-SURE: Final = 0.999
-"""Probability with which all readings of a sweep together are as near to the map; else wheels have slipped."""
-
-STRANGE: Final = 3
-"""Sweeps in a row that do not fit the map, after which the robot is lost."""
-
-SLIP: Final = 0.5, 0.3
-"""Metres and radians by which wheels may slip between two sweeps: the robot is found again without being lost."""
-
-DISCS: Final = 20
-"""Discs that a path comes near, over which the risk is spread."""
 
 
 class DetectionMapper:

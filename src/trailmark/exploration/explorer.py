@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import Literal, get_args
 
 import numpy as np
 
-from trailmark.arguments import callback, each_of, one_of, whole
+from trailmark.arguments import brief, callback, each_of, one_of, whole
 from trailmark.errors import ConfigurationError, as_raised
 from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.background import postponed_interrupts
 from trailmark.exploration.cells import quarters
 from trailmark.exploration.course import Course
+from trailmark.exploration.detection_mapper import DetectionMapper
 from trailmark.exploration.exploration_folder import SavedExploration
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
+from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import Intake, Mapper
-from trailmark.exploration.mappers import check_visible, mapper_for, sensor_of
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult, Status
-from trailmark.exploration.robots import DriveReport, ExploringRobot
-from trailmark.exploration.simulated_robot import SimulatedRobot
+from trailmark.exploration.scan_mapper import ScanMapper
+from trailmark.exploration.simulated_robot import (
+    DriveReport,
+    ExploringRobot,
+    SimulatedRobot,
+    disc_detector,
+    laser_scanner,
+)
 from trailmark.exploration.strategies import Strategy, strategy_of
 from trailmark.exploration.visible_area import evaluate
 from trailmark.planning import LandmarkPlanner
@@ -30,7 +39,7 @@ from trailmark.se2 import FloatArray, configurations, difference
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
-__all__ = ["Explorer"]
+__all__ = ["Explorer", "check_visible", "mapper_for", "sensor_of"]
 
 SILENCE = 5.0
 """Seconds of the robot's clock without a reading after which the sensor is silent."""
@@ -341,3 +350,71 @@ def _readings(records: Sequence[Record]) -> Iterator[list[Record]]:
         read = read or is_reading
     if some:
         yield some
+
+
+def mapper_for(
+    sensor: Scanner | Detector,
+    robot: Robot,
+    start: FloatArray,
+    bounds: tuple[float, float, float, float],
+    settings: ExplorationSettings,
+    radii: Mapping[int, float] | None = None,
+) -> Mapper:
+    """Return a mapper that knows nothing yet.
+
+    Args:
+        sensor: its range, and the noise that there is.
+        robot: of the world.
+        start: where it stands first, shape (3,).
+        bounds: of what is to be explored.
+        settings: of the exploration.
+        radii: of the discs that a detector reads, by their identity, metres.
+
+    Raises:
+        ConfigurationError: a detector of discs of any size, and no radii.
+    """
+    known = KnownMap(bounds, settings.cell_side(robot, bounds))
+    if isinstance(sensor, Detector):
+        return DetectionMapper(start, known, sensor, robot, settings, radii)
+    return ScanMapper(start, known, sensor, robot, settings)
+
+
+def sensor_of(
+    sensor: object, sensor_range: float, cell: float, bounds: tuple[float, float, float, float]
+) -> Scanner | Detector:
+    """Return a sensor's description; its range ends where all that is to be explored does.
+
+    Args:
+        sensor: ``laser``, ``detections``, or a description.
+        sensor_range: metres, of a sensor that is given by its name.
+        cell: side of the map's cells, metres.
+        bounds: of what is to be explored.
+
+    Raises:
+        ConfigurationError: no such sensor, or no such range.
+    """
+    if sensor == "laser":
+        sensor = laser_scanner(sensor_range, cell)
+    elif sensor == "detections":
+        sensor = disc_detector(sensor_range)
+    if not isinstance(sensor, Scanner | Detector):
+        raise ConfigurationError(f"sensor: expected laser, detections, a Scanner or a Detector, got {brief(sensor)}")
+    return replace(sensor, max_range=min(sensor.max_range, math.dist(bounds[:2], bounds[2:])))
+
+
+def check_visible(world: World, sensor: Scanner | Detector) -> None:
+    """Raise if there are obstacles that a sensor never sees.
+
+    Raises:
+        ConfigurationError: a detector of discs, and an obstacle that is none or too large for it, or a boundary.
+    """
+    if isinstance(sensor, Scanner):
+        return
+    for i, shape in enumerate(world.obstacles):
+        if not (isinstance(shape, Disc) and shape.radius <= sensor.max_radius):
+            raise ConfigurationError(
+                f"sensor: expected discs alone for a sensor of detections, got {type(shape).__name__.lower()} "
+                f"obstacles[{i}] (--sensor laser sees it)"
+            )
+    if world.boundary is not None:
+        raise ConfigurationError("sensor: expected no boundary for a sensor of detections (--sensor laser sees it)")

@@ -1,4 +1,4 @@
-"""The outcome of an exploration, and what is told of it on the way."""
+"""The outcome of an exploration, its history, and what is told of it on the way."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from trailmark.se2 import FloatArray
 from trailmark.world import World
 
 __all__ = ["Evaluation", "ExplorationProgress", "ExplorationResult", "History", "Status"]
+
+
+Status = Literal["complete", "time", "distance", "stuck", "silent", "interrupted"]
 
 
 class History(NamedTuple):
@@ -69,9 +72,6 @@ class History(NamedTuple):
         counted = np.diff(self.figures[:, 3], prepend=0.0) > 0.0
         chosen = np.where(np.isnan(self.targets), self.figures[:, 5:], self.targets)
         return chosen[counted]
-
-
-Status = Literal["complete", "time", "distance", "stuck", "silent", "interrupted"]
 
 
 class ExplorationProgress(NamedTuple):

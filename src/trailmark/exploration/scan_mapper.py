@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.pose_graph import MIN_POINTS
 from trailmark.estimation.graph.scan_slam import ScanSlam
-from trailmark.estimation.graph.submaps import MIN_POINTS
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.log_map import map_log
 from trailmark.estimation.scans.clouds import joined, relative, surface_cloud
@@ -24,8 +24,7 @@ from trailmark.estimation.scans.scan_poses import DeadReckoning
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
-from trailmark.exploration.mapper import Draw, Intake
-from trailmark.exploration.record_checks import CARRIED, RecordChecks
+from trailmark.exploration.mapper import CARRIED, Draw, Intake, RecordChecks
 from trailmark.se2 import FloatArray, compose, difference
 from trailmark.world import Robot, World
 
@@ -40,6 +39,55 @@ DENSE: Final = 0.25
 
 RECENT: Final = 10
 """Scans that are drawn in any case: what has vanished since is gone."""
+
+
+SLIPPING: Final = 1.5
+"""Times the standard deviation of a step that odometry states, for matching: what it does not know of."""
+
+LEAST: Final = 0.01
+"""Metres by which end points scatter at least about a map made of cells."""
+
+FAR: Final = 10.0
+"""Metres: for sensors of a longer range, the lengths of scan matching grow in proportion, as the robot's speed does."""
+
+SHORTEST: Final = 0.1
+"""Share of the distance between nodes that counts as driven at least: before, hardly anything has been stated."""
+
+TRUSTED: Final = 0.002, 0.001
+"""Metres and radians: odometry that states a smaller error over ten metres is taken as exact; no match is as good."""
+
+STRANGE: Final = 3
+"""Scans in a row that do not fit the map, after which the robot is lost."""
+
+GAP: Final = 0.1
+"""Metres between end points of one surface from which on they would count as shapes of their own."""
+
+CHECK: Final = 10
+"""Scans after which odometry that is taken as exact is checked again, by those of one and two such times ago."""
+
+EXACT: Final = 0.05, 0.03
+"""Metres and radians: a scan that fits better farther than that from where odometry has it says that it errs."""
+
+ALIKE: Final = 0.9
+"""Share of the best place's fit from which on another place fits as well."""
+
+MATCHED: Final = 0.008, 0.002
+"""Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth."""
+
+STRAYED: Final = 0.01, 0.004
+"""Metres and radians by which wheels stray to the side in a period of a tenth of a second, slipping now and then."""
+
+PLACES: Final = 20
+"""Narrow places that a run leads through, over which the risk is spread."""
+
+SURFACES: Final = 4.0
+"""Times the noise: side of a cell, at least, that comes of dividing others; smaller ones tell of noise alone."""
+
+POINTS: Final = 200
+"""End points of a scan, at most, by which odometry is checked."""
+
+MOVED: Final = 0.5
+"""Cells by which a closed loop must have moved some pose for the map to be drawn anew."""
 
 
 def apart(poses: FloatArray, spacing: float = 1.0) -> NDArray[np.bool_]:
@@ -83,19 +131,6 @@ def draw(
     return known
 
 
-SLIPPING: Final = 1.5
-"""Times the standard deviation of a step that odometry states, for matching: what it does not know of."""
-
-LEAST: Final = 0.01
-"""Metres by which end points scatter at least about a map made of cells."""
-
-FAR: Final = 10.0
-"""Metres: for sensors of a longer range, the lengths of scan matching grow in proportion, as the robot's speed does."""
-
-SHORTEST: Final = 0.1
-"""Share of the distance between nodes that counts as driven at least: before, hardly anything has been stated."""
-
-
 def graph_settings(sensor: Scanner, errors: FloatArray, driven: float, exact: bool) -> GraphSettings:
     """Return how scans are matched.
 
@@ -119,43 +154,6 @@ def graph_settings(sensor: Scanner, errors: FloatArray, driven: float, exact: bo
     floor = min(float(place), far * s.odometry_floor[0]), min(float(heading), s.odometry_floor[1])
     grown = min(floor[0] / s.key_distance, s.odometry[0]), min(floor[1] / s.key_distance, s.odometry[1])
     return replace(s, odometry=grown, odometry_floor=floor)
-
-
-TRUSTED: Final = 0.002, 0.001
-"""Metres and radians: odometry that states a smaller error over ten metres is taken as exact; no match is as good."""
-
-STRANGE: Final = 3
-"""Scans in a row that do not fit the map, after which the robot is lost."""
-
-GAP: Final = 0.1
-"""Metres between end points of one surface from which on they would count as shapes of their own."""
-
-CHECK: Final = 10
-"""Scans after which odometry that is taken as exact is checked again, by those of one and two such times ago."""
-
-EXACT: Final = 0.05, 0.03
-"""Metres and radians: a scan that fits better farther than that from where odometry has it says that it errs."""
-
-ALIKE: Final = 0.9
-"""Share of the best place's fit from which on another place fits as well."""
-
-MATCHED: Final = 0.008, 0.002
-"""Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth."""
-
-STRAYED: Final = 0.01, 0.004
-"""Metres and radians by which wheels stray to the side in a period of a tenth of a second, slipping now and then."""
-
-PLACES: Final = 20
-"""Narrow places that a run leads through, over which the risk is spread."""
-
-SURFACES: Final = 4.0
-"""Times the noise: side of a cell, at least, that comes of dividing others; smaller ones tell of noise alone."""
-
-POINTS: Final = 200
-"""End points of a scan, at most, by which odometry is checked."""
-
-MOVED: Final = 0.5
-"""Cells by which a closed loop must have moved some pose for the map to be drawn anew."""
 
 
 class ScanMapper:

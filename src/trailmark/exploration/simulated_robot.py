@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +19,12 @@ from trailmark.estimation.filter.sensors import RangeBearing
 from trailmark.estimation.logs.records import Detection, Increment, Record
 from trailmark.estimation.simulation.simulator import Drive
 from trailmark.estimation.simulation.virtual_sensors import Detector, RayCaster, Scanner
-from trailmark.exploration.robots import DriveReport
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, compose, configurations, interpolate, wrap
 from trailmark.world import World
 
-__all__ = ["SimulatedRobot", "disc_detector", "laser_scanner"]
+__all__ = ["DriveReport", "ExploringRobot", "SimulatedRobot", "disc_detector", "laser_scanner"]
+
 
 ODOMETRY: Final = PoseIncrement(2e-4, 2e-4, 2e-4, growth=(4e-4, 1e-4, 4e-4))
 """2 cm and 0.01 rad after a metre, 0.02 rad after a radian, growing as the root of what is driven: a wheeled robot
@@ -49,6 +49,37 @@ APART = 0.05
 """Share of the inscribed radius that a robot has to be away from what it met for the next contact to count."""
 
 
+class DriveReport(NamedTuple):
+    """What became of a command to drive, as the robot itself knows it."""
+
+    distance: float
+    """Metres that it drove, by its odometry."""
+    arrived: bool
+    """Whether it drove to the path's end."""
+    blocked: bool
+    """Whether it cannot go on: a bumper, a motor that stalls."""
+
+
+class ExploringRobot(Protocol):
+    """A robot that explores: two methods."""
+
+    def sense(self) -> Sequence[Record]:
+        """Return what was recorded since the last call, in the order of time.
+
+        That is odometry (``Increment``, with its covariance if it is known, or ``Odometry``) and the readings of one
+        sensor (``Scan``, or ``Detection``). Without readings the sensor is silent.
+        """
+
+    def drive(self, states: FloatArray, seconds: float) -> DriveReport:
+        """Drive along a path for a while, then stop or be told to go on.
+
+        Args:
+            states: shape (n, 3), in the robot's own frame as it is now: x ahead, y to the left, metres and radians. The
+                first row is (0, 0, 0); one row means to stand still.
+            seconds: how long to drive at most.
+        """
+
+
 def laser_scanner(max_range: Positive, cell: Positive, most: Count = 1000) -> Scanner:
     """Return a laser scanner that sees all around, for a map of cells.
 
@@ -67,7 +98,7 @@ def disc_detector(max_range: Positive) -> Detector:
 
 
 class SimulatedRobot:
-    """An :class:`trailmark.exploration.robots.ExploringRobot` in a hidden world.
+    """An :class:`trailmark.exploration.simulated_robot.ExploringRobot` in a hidden world.
 
     It drives what it is told to, with errors, and its odometry says what it was told to: the truth is the recorded step
     with noise added, as the filters assume, and now and then a step of which a part is lost (the wheels slip). What it

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from trailmark.exploration.candidates import MOST_TRIES, Search, middles_of
 from trailmark.exploration.cells import quarters
-from trailmark.exploration.certainty import expected_falls
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.reachability import CERTAIN, Reach
 from trailmark.exploration.result import Status
 from trailmark.exploration.strategies import Outlook
-from trailmark.exploration.travel import Travel
+from trailmark.exploration.travel import Travel, expected_falls
 from trailmark.exploration.views import expected_areas, nearest_looks
 from trailmark.planning.planner import LandmarkPlanner
 from trailmark.robot import Robot

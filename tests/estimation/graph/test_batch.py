@@ -15,9 +15,9 @@ from trailmark.estimation import Detector, RangeBearing, Unicycle, simulate
 from trailmark.estimation.filter.motion import PoseIncrement
 from trailmark.estimation.filter.sensors import Cartesian
 from trailmark.estimation.graph.batch import Batch
-from trailmark.estimation.graph.estimate import relative_covariance
 from trailmark.estimation.graph.odometry import OdometryTrack, polar_readings
 from trailmark.estimation.graph.residual_checks import inflation, misfit, scale
+from trailmark.estimation.graph.smoother import relative_covariance
 from trailmark.estimation.logs.records import Detection, Log, Odometry, Pose, Record
 from trailmark.shapes import Disc
 from trailmark.world import World

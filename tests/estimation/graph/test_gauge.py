@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.helpers.alignment import aligned
 
-from trailmark.estimation.graph.estimate import relative_covariance
+from trailmark.estimation.graph.smoother import relative_covariance
 
 
 @pytest.mark.slow

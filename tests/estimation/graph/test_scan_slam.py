@@ -14,8 +14,8 @@ from tests.estimation.ray_casting import cast, room
 from tests.support.trials import few
 
 from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.pose_graph import KeyScans
 from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
-from trailmark.estimation.graph.submaps import KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative
 from trailmark.estimation.simulation.virtual_sensors import Scanner

@@ -208,33 +208,22 @@ GOOD = (HEAD, odom(5.0, 0, 0, 0), flaser(6.0, [1.0, 2.0], (0, 0, 0), (0, 0, 0)))
     [
         ("ODOM 0 0 0 0 0 0 7 pippo", "ODOM: expected 9 columns after it, got 8"),
         (
-            "ODOM 0 0 0 0 0 0 7 pippo 7 7",
-            "ODOM: expected 9 columns after it, got 10",
-        ),
-        (
             "ODOM 0 nan 0 0 0 0 7 pippo 7",
             "expected ODOM, finite numbers, host, time, got 'ODOM 0 nan 0 0 0 0 7 pippo 7'",
         ),
-        ("ODOM 0 0 0", "ODOM: expected 9 columns after it, got 3"),
-        ("ODOM", "ODOM: expected 9 columns after it, got 0"),
         ("OD", "expected a line with ODOM, FLASER, ROBOTLASER1, TRUEPOS or the like, got 'OD'"),
         (
             "FLASER 3 1 2 0 0 0 0 0 0 7 pippo 7",
             "FLASER: expected n + 10 (n = 3",
         ),
-        ("FLASER 2.5 1 2 0 0 0 0 0 0 7 pippo 7", "expected n + 10 (n = 2.5 ranges) columns"),
         ("FLASER 2 1 inf 0 0 0 0 0 0 7 pippo 7", "expected FLASER, finite numbers, host, time"),
         ("FLASER 2 1 -2 0 0 0 0 0 0 7 pippo 7", "FLASER: range: expected 0 or more, got -2"),
-        ("FLASER 180 1 2 3", "FLASER: expected n + 10 (n = 180"),
-        ("FLASER", "FLASER: expected n + 10 (n = none"),
         ("FLASER 0 0 0 0 0 0 0 7 pippo 7", "FLASER: expected n + 10 (n = 0"),
         ("FLASER 1e300 1 2 0 0 0 0 0 0 7 pippo 7", " columns after it, got 12"),
         (
             "ROBOTLASER1 0 -1 2 1 20 0 0 5 1 2 3 4 5 0 0 0 0 0 0 0 0 0 0 0 0 7 host",
             "expected n + m + 23 (n ranges and m remissions) columns",
         ),
-        ("ROBOTLASER1 0 -1 2", "ROBOTLASER1: expected n + m + 23 (n ranges and m remissions) columns after it, got 3"),
-        ("TRUEPOS 0 0 0 0 0 0 7 pippo", "TRUEPOS: expected 9 columns after it, got 8"),
         (odom(3.9, 0, 0, 0), "time: expected at most 2 s before 6.0, got 3.9"),
     ],
 )

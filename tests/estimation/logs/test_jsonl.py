@@ -104,13 +104,10 @@ SCAN = '"angle_min": 0, "angle_increment": 1, "range_max": 9'
     ("line", "problem"),
     [
         ("{", "not valid JSON: Expecting property name"),
-        (GOOD[:-9], "not valid JSON"),
         ("[1]", "expected a JSON object, got [1]"),
         ("{}", "type: expected detection, increment, landmark, odometry, pose, scan, got 'None'"),
         ('{"type": "odometri"}', "got 'odometri'"),
         ('{"type": "odometry", "t": NaN, "v": 1, "omega": 2}', "odometry: t: expected a finite number, got nan"),
-        ('{"type": "odometry", "t": true, "v": 1, "omega": 2}', "odometry: t: expected a finite number, got True"),
-        ('{"type": "odometry", "t": "1", "v": 1, "omega": 2}', "odometry: t: expected a finite number, got '1'"),
         ('{"type": "odometry", "t": 1, "v": 1e999, "omega": 2}', "odometry: v: expected a finite number, got inf"),
         ('{"type": "odometry", "t": 1, "v": 1}', "odometry: expected a field 'omega', got none"),
         ('{"type": "odometry", "t": 1, "v": 1, "omga": 2}', "got 'omga'"),
@@ -120,14 +117,6 @@ SCAN = '"angle_min": 0, "angle_increment": 1, "range_max": 9'
         ),
         (
             '{"type": "scan", "t": 1, "ranges": [1, -1], ' + SCAN + "}",
-            "scan: ranges: expected a list of numbers of 0 or more, ",
-        ),
-        (
-            '{"type": "scan", "t": 1, "ranges": [1, "nan"], ' + SCAN + "}",
-            "scan: ranges: expected a list of numbers of 0 or more, ",
-        ),
-        (
-            '{"type": "scan", "t": 1, "ranges": 3, ' + SCAN + "}",
             "scan: ranges: expected a list of numbers of 0 or more, ",
         ),
         (
@@ -146,19 +135,10 @@ SCAN = '"angle_min": 0, "angle_increment": 1, "range_max": 9'
             "covariance: expected 2 rows of 2 finite numbers, symmetric and not negative, got [[1, 0]]",
         ),
         (
-            '{"type": "detection", "t": 1, "z": [1, 2], "covariance": [[1, 2], [3, 4]]}',
-            "symmetric and not negative, got [[",
-        ),
-        (
             '{"type": "detection", "t": 1, "z": [1, 2], "covariance": [[1, 2], [2, 1]]}',
             "symmetric and not negative, got [[",
         ),
-        ('{"type": "pose", "t": 1, "x": 1, "y": 2, "theta": null}', "pose: theta: expected a finite number, got None"),
         ('{"type": "pose", "t": 1, "x": 1, "y": 2, "theta": 0, "truth": 1}', "truth: expected True or False, got 1"),
-        (
-            '{"type": "landmark", "identity": 1.5, "x": 0, "y": 0}',
-            "landmark: identity: expected a whole number, got 1.5",
-        ),
     ],
 )
 def test_bad_lines(tmp_path: Path, line: str, problem: str) -> None:

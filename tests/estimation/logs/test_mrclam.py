@@ -100,11 +100,7 @@ MEASUREMENT, ODOMETRY = FILES["Robot1_Measurement.dat"], FILES["Robot1_Odometry.
     ("name", "text", "problem"),
     [
         ("Robot1_Odometry", ODOMETRY[:-5], ":5: expected 3 finite numbers t, v, omega, got 2 columns"),
-        ("Robot1_Odometry", ODOMETRY + "13 1\n", ":6: expected 3 finite numbers t, v, omega, got 2 columns"),
-        ("Robot1_Odometry", ODOMETRY + "13 1 2 3\n", ":6: expected 3 finite numbers"),
         ("Robot1_Odometry", ODOMETRY + "13 1 nan\n", ":6: expected 3 finite numbers"),
-        ("Robot1_Odometry", ODOMETRY + "13 inf 0\n", ":6: expected 3 finite numbers"),
-        ("Robot1_Odometry", ODOMETRY + "13 x 0\n", ":6: expected 3 finite numbers"),
         ("Robot1_Odometry", ODOMETRY + "13 1_0 0\n", ":6: expected 3 finite numbers"),
         (
             "Robot1_Odometry",
@@ -112,9 +108,7 @@ MEASUREMENT, ODOMETRY = FILES["Robot1_Measurement.dat"], FILES["Robot1_Odometry.
             ":6: time: expected 12.0 or later, got 11.5",
         ),
         ("Robot1_Measurement", MEASUREMENT + "12 43 1 0\n", ":5: barcode: expected one of Barcodes.dat"),
-        ("Robot1_Measurement", MEASUREMENT + "12 63.5 1 0\n", ":5: barcode: expected one of Barcodes.dat"),
         ("Robot1_Measurement", MEASUREMENT + "12 63 -1 0\n", ":5: range: expected 0 or more, got -1"),
-        ("Robot1_Measurement", MEASUREMENT + "10.9 63 1 0\n", ":5: time: expected 11.0 or later, got 10.9"),
         (
             "Robot1_Groundtruth",
             FILES["Robot1_Groundtruth.dat"] + "8 1 1 0\n",
@@ -122,7 +116,6 @@ MEASUREMENT, ODOMETRY = FILES["Robot1_Measurement.dat"], FILES["Robot1_Odometry.
         ),
         ("Landmark_Groundtruth", FILES["Landmark_Groundtruth.dat"] + "8 1\n", ":4: expected 5 finite"),
         ("Barcodes", FILES["Barcodes.dat"] + "1e300 8\n", ":6: subject: expected 1 to 999, got 1e+300"),
-        ("Barcodes", FILES["Barcodes.dat"] + "8.5 8\n", ":6: subject: expected 1 to 999, got 8.5"),
         ("Barcodes", FILES["Barcodes.dat"] + "8\n", ":6: expected 2 finite numbers subject, barcode, got 1 columns"),
     ],
 )

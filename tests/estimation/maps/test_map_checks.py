@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
-from trailmark.estimation.maps.map_checks import (
+from trailmark.estimation.maps.mapped_log import (
     association_doubts,
     gap_warnings,
     log_warnings,
 )
-from trailmark.estimation.maps.obstacle_estimates import disc_estimates
+from trailmark.estimation.maps.scan_obstacles import disc_estimates
 from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult
 
 

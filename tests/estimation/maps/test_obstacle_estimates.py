@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark.estimation.maps.obstacle_estimates import disc_estimates, wall_estimate
+from trailmark.estimation.maps.scan_obstacles import disc_estimates, wall_estimate
 from trailmark.shapes import Disc, Rectangle
 
 angles = st.floats(-math.pi, math.pi)

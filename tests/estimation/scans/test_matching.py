@@ -14,8 +14,7 @@ from tests.support.trials import few
 
 from trailmark.estimation.scans.clouds import PointCloud, joined, point_cloud
 from trailmark.estimation.scans.correlation import Window, match_covariance, search
-from trailmark.estimation.scans.line_of_sight import in_view
-from trailmark.estimation.scans.local_map import LocalMap, local_map
+from trailmark.estimation.scans.local_map import LocalMap, in_view, local_map
 from trailmark.estimation.scans.matching import refine
 from trailmark.se2 import FloatArray, wrap
 

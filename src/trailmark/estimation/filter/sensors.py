@@ -22,6 +22,10 @@ from trailmark.se2 import FloatArray, wrap
 __all__ = ["Cartesian", "Inverse", "Linearised", "RangeBearing", "SensorModel"]
 
 
+NEAREST = 1e-9
+"""Metres: a feature nearer than this has no bearing that could be differentiated; it counts as this far away."""
+
+
 class Inverse(NamedTuple):
     """A feature as one reading shows it, and how it depends on pose and reading."""
 
@@ -107,10 +111,6 @@ class SensorModel(Protocol):
         """Return simulated readings, shape (..., m): h with v drawn anew from N(0, R) for each."""
         shape = np.broadcast_shapes(np.shape(x)[:-1], np.shape(l)[:-1])
         return self.h(x, l, draw_noise(self.R, shape, rng))
-
-
-NEAREST = 1e-9
-"""Metres: a feature nearer than this has no bearing that could be differentiated; it counts as this far away."""
 
 
 class _TwoNumbers(SensorModel):

@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.graph.estimate import Estimate, IntArray, NoiseModel
 from trailmark.estimation.graph.odometry import Motions, OdometryCalibration, OdometryTrack, Readings, SensorCalibration
-from trailmark.estimation.graph.smoother import Smoother, Solution
+from trailmark.estimation.graph.smoother import Estimate, IntArray, NoiseModel, Smoother, Solution
 from trailmark.se2 import FloatArray
 
 __all__ = ["GATE", "Batch", "correlation_time", "updated_variances"]
@@ -24,6 +23,31 @@ __all__ = ["GATE", "Batch", "correlation_time", "updated_variances"]
 
 SMALLEST = 1e-12
 """The least variance, so that a source that shows no noise can come back."""
+
+
+ROUNDS = 8
+"""How often at most poses, calibration and noise are estimated in turns: mostly four or five settle them."""
+
+GATE = 0.9999
+"""Probability that a good reading passes: of ten thousand one is left out wrongly, a misread one nearly always."""
+
+EXPECTED = np.array([0.2, 0.2, 0.1, 0.05, 0.3, 0.1, 0.5])
+"""Standard deviations of the errors that instruments are expected to have before anything is known of the log:
+of the scale of distances and of turns, as slip, inertia and an uncertain wheelbase leave it; radians for each metre
+(wheels that differ by 3 % on a base of 0.3 m turn a robot by 0.1); radians between the sensor's axis and the direction
+of driving (a mount is 3 degrees off); seconds from an odometry record to the motion (transport, inertia); of a range's
+relative error that grows with the bearing, by each radian, and with its square: a camera that takes depth for range has
+−0.5."""
+
+LOST = 4.0
+"""Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out."""
+
+ROUGH, SETTLED = 1e-4, 0.03
+"""Relative error that is enough while noise is still estimated; change, in deviations, after which nothing changes."""
+
+STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-2])
+"""How far each number of the odometry's calibration is moved to see what the motions become: a hundredth of a second
+covers the time between records."""
 
 
 def updated_variances(
@@ -70,31 +94,6 @@ def correlation_time(sequences: Iterable[FloatArray], longest: int = 200) -> flo
             break
         tau += 2.0 * rho
     return tau
-
-
-ROUNDS = 8
-"""How often at most poses, calibration and noise are estimated in turns: mostly four or five settle them."""
-
-GATE = 0.9999
-"""Probability that a good reading passes: of ten thousand one is left out wrongly, a misread one nearly always."""
-
-EXPECTED = np.array([0.2, 0.2, 0.1, 0.05, 0.3, 0.1, 0.5])
-"""Standard deviations of the errors that instruments are expected to have before anything is known of the log:
-of the scale of distances and of turns, as slip, inertia and an uncertain wheelbase leave it; radians for each metre
-(wheels that differ by 3 % on a base of 0.3 m turn a robot by 0.1); radians between the sensor's axis and the direction
-of driving (a mount is 3 degrees off); seconds from an odometry record to the motion (transport, inertia); of a range's
-relative error that grows with the bearing, by each radian, and with its square: a camera that takes depth for range has
-−0.5."""
-
-LOST = 4.0
-"""Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out."""
-
-ROUGH, SETTLED = 1e-4, 0.03
-"""Relative error that is enough while noise is still estimated; change, in deviations, after which nothing changes."""
-
-STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-2])
-"""How far each number of the odometry's calibration is moved to see what the motions become: a hundredth of a second
-covers the time between records."""
 
 
 class Batch:

@@ -1,4 +1,4 @@
-"""Loop closures: places that were seen before, found among local maps of earlier scans, and verified."""
+"""Places that were seen before: loop closures, other visits to a place, and where a lost robot may be."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ from trailmark.estimation.graph.graph_settings import (
     WINDOW,
     GraphSettings,
 )
-from trailmark.estimation.graph.pose_graph import Relation
-from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans, in_frame
+from trailmark.estimation.graph.pose_graph import MIN_POINTS, KeyScans, Relation, in_frame
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud, transformed
 from trailmark.estimation.scans.correlation import ELSEWHERE, Window, match_covariance, search
-from trailmark.estimation.scans.line_of_sight import in_view
+from trailmark.estimation.scans.local_map import in_view
 from trailmark.estimation.scans.matching import refine
 from trailmark.se2 import FloatArray, compose
 
@@ -41,6 +40,24 @@ UNSEEN = 0.5
 
 MAX_CANDIDATES = 6
 """Earlier places, at most, that one scan is compared with."""
+
+
+SEARCHED = 200
+"""End points, at most, that are looked for in the whole map."""
+
+HEADINGS = 8
+"""Parts of a full turn in which it is looked for one by one."""
+
+FAR = 1e6
+"""Metres: all of a map."""
+
+IntArray = NDArray[np.intp]
+
+MAX_VISITS = 4
+"""Earlier and later visits, at most, that one scan is matched against: the nearest ones."""
+
+MAX_SHIFT = 0.3, np.radians(5.0)
+"""Metres and radians: what is matched farther from where the optimised graph has it than this is something else."""
 
 
 class LoopFinder:
@@ -212,16 +229,6 @@ class Drift:
         return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)
 
 
-SEARCHED = 200
-"""End points, at most, that are looked for in the whole map."""
-
-HEADINGS = 8
-"""Parts of a full turn in which it is looked for one by one."""
-
-FAR = 1e6
-"""Metres: all of a map."""
-
-
 def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArray:
     """Return where a scan may have been taken, shape (k, 3): the best place for each heading.
 
@@ -244,15 +251,6 @@ def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArr
         if match is not None:
             found.append(refine(area, cloud, match.pose).pose)
     return np.array(found).reshape(-1, 3)
-
-
-IntArray = NDArray[np.intp]
-
-MAX_VISITS = 4
-"""Earlier and later visits, at most, that one scan is matched against: the nearest ones."""
-
-MAX_SHIFT = 0.3, np.radians(5.0)
-"""Metres and radians: what is matched farther from where the optimised graph has it than this is something else."""
 
 
 def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]:

@@ -1,5 +1,5 @@
 # ruff: noqa: N806 # the names are the filter's own symbols: F, P, W
-"""A log's odometry between any two instants, as one motion with its covariance.
+"""A log's odometry between any two instants, as one motion with its covariance; its detections as arrays.
 
 A batch needs poses only where something was read. What lies in between is put together into one motion, by the same
 model as the filter's, and its covariance is kept as a sum of components: one matrix for each source of noise, to be

@@ -10,8 +10,7 @@ import numpy as np
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.batch import GATE, ROUGH, Batch
-from trailmark.estimation.graph.estimate import Estimate, IntArray, gauge_free
-from trailmark.estimation.graph.smoother import Smoother
+from trailmark.estimation.graph.smoother import Estimate, IntArray, Smoother, gauge_free
 
 __all__ = ["Misfit", "Scale", "description_length", "figures", "inflation", "misfit", "scale"]
 

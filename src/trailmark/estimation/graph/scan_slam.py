@@ -26,8 +26,14 @@ from trailmark.estimation.graph.graph_settings import (
     GraphSettings,
 )
 from trailmark.estimation.graph.loop_closure import LoopFinder, places_like, revisit_relations
-from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covariances, relative_covariances
-from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
+from trailmark.estimation.graph.pose_graph import (
+    MIN_POINTS,
+    KeyScans,
+    Relation,
+    optimise,
+    pose_covariances,
+    relative_covariances,
+)
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud
 from trailmark.estimation.scans.correlation import Window, match_covariance, search

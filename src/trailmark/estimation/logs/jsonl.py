@@ -43,6 +43,17 @@ from trailmark.formats.files import write_atomically
 __all__ = ["Header", "Landmark", "parse", "parse_header", "read_jsonl", "write_jsonl"]
 
 
+_Triple = tuple[Finite, Finite, Finite]
+
+_POSE = {"x": Finite, "y": Finite, "theta": Finite}
+
+_HEADER = {
+    "trailmark_log": Annotated[int, Rule("1 (the schema version)", lambda version: version == 1)],
+    "name": str,
+    "cell": Positive,
+}
+
+
 class Header(NamedTuple):
     """The first line."""
 
@@ -72,19 +83,11 @@ def _are_ranges(values: list[Any]) -> bool:
     return {type(value) for value in found} <= {int, float} and all(0.0 <= value < np.inf for value in found)
 
 
-_Triple = tuple[Finite, Finite, Finite]
-
 _Ranges = Annotated[list[Any], Rule('a list of numbers of 0 or more, "inf" and null', _are_ranges)]
 
-_POSE = {"x": Finite, "y": Finite, "theta": Finite}
 
 _BEAMS = {"ranges": _Ranges, "angle_min": Finite, "angle_increment": Finite, "range_max": Positive | Literal["inf"]}
 
-_HEADER = {
-    "trailmark_log": Annotated[int, Rule("1 (the schema version)", lambda version: version == 1)],
-    "name": str,
-    "cell": Positive,
-}
 
 _FORMS: dict[str, tuple[Any, dict[str, Any]]] = {
     "odometry": (Odometry, {"t": Finite, "v": Finite, "omega": Finite}),

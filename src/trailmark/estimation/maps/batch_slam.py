@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.graph.batch import Batch
-from trailmark.estimation.graph.estimate import Estimate, relative_covariance
 from trailmark.estimation.graph.odometry import OdometryTrack, Readings, polar_readings
-from trailmark.estimation.graph.reassociation import Labels
 from trailmark.estimation.graph.residual_checks import figures, inflation, misfit
 from trailmark.estimation.graph.residual_checks import scale as scale_of
-from trailmark.estimation.graph.smoother import moved, rotations, turned
+from trailmark.estimation.graph.smoother import Estimate, moved, relative_covariance, rotations, turned
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.map_settings import MapSettings
-from trailmark.estimation.maps.unnamed_features import associated
+from trailmark.estimation.maps.unnamed_features import Labels, associated
 from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.slam.ekf_slam import CURVATURE
 from trailmark.estimation.slam.slam_result import MapFeature, SlamResult

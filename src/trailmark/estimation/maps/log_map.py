@@ -14,7 +14,9 @@ from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
 from trailmark.estimation.logs.records import Log, Scan, with_own_times
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
-from trailmark.estimation.maps.map_checks import (
+from trailmark.estimation.maps.map_settings import MapSettings
+from trailmark.estimation.maps.mapped_log import (
+    MappedLog,
     association_doubts,
     detection_warnings,
     gap_warnings,
@@ -23,10 +25,8 @@ from trailmark.estimation.maps.map_checks import (
     places_text,
     scan_warnings,
 )
-from trailmark.estimation.maps.map_settings import MapSettings
-from trailmark.estimation.maps.mapped_log import MappedLog
-from trailmark.estimation.maps.obstacle_estimates import disc_estimates
 from trailmark.estimation.maps.scan_map import ScanMap, map_scans
+from trailmark.estimation.maps.scan_obstacles import disc_estimates
 from trailmark.estimation.risk.allocation import regrow
 from trailmark.estimation.scans.scan_poses import missing_odometry, scan_poses
 from trailmark.se2 import FloatArray, transform

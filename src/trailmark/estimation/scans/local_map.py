@@ -17,7 +17,7 @@ from trailmark.compiled import njit
 from trailmark.estimation.scans.clouds import GRAZED, PointCloud
 from trailmark.se2 import FloatArray
 
-__all__ = ["LEVELS", "LocalMap", "levels_for", "local_map"]
+__all__ = ["LEVELS", "LocalMap", "in_view", "levels_for", "local_map"]
 
 CELL = 0.05
 """Side of a cell, metres: what the points of a surface scatter by."""
@@ -37,6 +37,13 @@ ASIDE = 0.02, 0.1
 
 LEVELS = 6
 """Resolutions of the likelihood: a cell of level k has the largest of 2^k x 2^k cells."""
+
+
+BEHIND = 0.5
+"""Metres behind a surface up to which points count as in view: poses err, and what stands at walls is cluttered."""
+
+NEIGHBOURS = 0.06
+"""Radians between end points up to which a scan has seen what lies between them."""
 
 
 class LocalMap(NamedTuple):
@@ -145,3 +152,22 @@ def _grids(points, x0, y0, rows, columns, levels):  # type: ignore[no-untyped-de
             if nearest[r, c] >= 0:
                 likelihood[0, r, c] = np.uint8(255.0 * exp(factor * squares[r, c]) + 0.5)
     return nearest, likelihood
+
+
+def in_view(cloud: PointCloud, points: FloatArray) -> NDArray[np.bool_]:
+    """Return which points lie where a scan's beams passed, or at the surfaces that they met, shape (n,).
+
+    Args:
+        cloud: the scan's end points, in the frame of its robot.
+        points: shape (n, 2), in that frame.
+    """
+    if len(cloud.points) < 2:
+        return np.zeros(len(points), dtype=bool)
+    bearings, ranges = np.arctan2(cloud.points[:, 1], cloud.points[:, 0]), np.hypot(*cloud.points.T)
+    order = np.argsort(bearings)
+    bearings, ranges = bearings[order], ranges[order]
+    bearing, distance = np.arctan2(points[:, 1], points[:, 0]), np.hypot(*points.T)
+    after = np.searchsorted(bearings, bearing).clip(1, len(bearings) - 1)
+    right, left = bearings[after - 1], bearings[after]
+    between = (right <= bearing) & (bearing <= left) & (left - right <= NEIGHBOURS)
+    return np.asarray(between & (distance <= np.maximum(ranges[after - 1], ranges[after]) + BEHIND))

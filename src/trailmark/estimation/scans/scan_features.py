@@ -30,25 +30,6 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
-class ScanSettings:
-    """What is known of a scanner.
-
-    Raises:
-        EstimationError: a value that is not allowed.
-    """
-
-    sigma_range: Positive = 0.02
-    """Standard deviation of a range, metres (a SICK LMS's: some 1 to 2 cm)."""
-    sigma_bearing: Positive = 0.003
-    """Standard deviation of a beam's direction, radians: its width, not the step from beam to beam."""
-    max_range: PositiveOrInfinite = math.inf
-    """Metres: end points farther away are left out."""
-
-    def __post_init__(self) -> None:
-        checked_fields(self, EstimationError)
-
-
 IntArray = NDArray[np.intp]
 
 INCIDENCE = math.radians(10.0)
@@ -74,6 +55,25 @@ DISC_ARC = math.radians(100.0)
 
 DISC_MISFIT = 2.0
 """The sum of a disc; where a line has no more, it is a line."""
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """What is known of a scanner.
+
+    Raises:
+        EstimationError: a value that is not allowed.
+    """
+
+    sigma_range: Positive = 0.02
+    """Standard deviation of a range, metres (a SICK LMS's: some 1 to 2 cm)."""
+    sigma_bearing: Positive = 0.003
+    """Standard deviation of a beam's direction, radians: its width, not the step from beam to beam."""
+    max_range: PositiveOrInfinite = math.inf
+    """Metres: end points farther away are left out."""
+
+    def __post_init__(self) -> None:
+        checked_fields(self, EstimationError)
 
 
 class ScanPoints(NamedTuple):

@@ -38,6 +38,16 @@ _NOTHING = 1e-9
 _ARC = Unicycle(0.0, 0.0)
 
 
+_INSTANT = 1e-9
+"""Seconds: events closer together are simultaneous."""
+
+_TOUCH = 1e-6
+"""Metres that the robot's reference point may be inside an obstacle: it may touch one."""
+
+_INCREMENT, _VELOCITY, _TRUTH, _DETECTION, _SCAN = range(5)
+"""The order of records at one time."""
+
+
 class _Piece(NamedTuple):
     """A motion of constant velocities: of the robot's own (an arc), or, if ``holonomic``, of x, y and theta."""
 
@@ -166,16 +176,6 @@ def _along(piece: _Piece, s: FloatArray) -> FloatArray:
     if piece.holonomic:
         return se2.interpolate(piece.start, piece.end, s / piece.duration)
     return _ARC.f(piece.start, np.column_stack([piece.v * s, piece.omega * s, np.ones(len(s))]))
-
-
-_INSTANT = 1e-9
-"""Seconds: events closer together are simultaneous."""
-
-_TOUCH = 1e-6
-"""Metres that the robot's reference point may be inside an obstacle: it may touch one."""
-
-_INCREMENT, _VELOCITY, _TRUTH, _DETECTION, _SCAN = range(5)
-"""The order of records at one time."""
 
 
 class Simulation(NamedTuple):

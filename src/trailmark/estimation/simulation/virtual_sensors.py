@@ -44,6 +44,9 @@ _BLOCK = 500_000
 """Pairs of ray and edge that are processed together."""
 
 
+Angle = Annotated[float, Rule("radians above 0, at most a full turn", lambda v: 0.0 < v <= 2.0 * math.pi)]
+
+
 class RayCaster:
     """The edges and discs of a world, and exact distances along rays to the first of them.
 
@@ -142,9 +145,6 @@ def _to_discs(w: FloatArray, radius: FloatArray, d: FloatArray) -> FloatArray:
     inside = radius**2 - across**2
     met = (inside >= 0.0) & (along >= 0.0)
     return np.where(met, np.maximum(along - np.sqrt(np.maximum(inside, 0.0)), 0.0), np.inf)
-
-
-Angle = Annotated[float, Rule("radians above 0, at most a full turn", lambda v: 0.0 < v <= 2.0 * math.pi)]
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,16 @@ from trailmark.se2 import FloatArray
 __all__ = ["CURVATURE", "EkfSlam", "FeatureHistories", "FeatureHistory"]
 
 
+ITERATIONS = 3
+"""How often at most the filter linearises an update anew: after two steps hardly anything changes."""
+
+CURVATURE = 6.0
+"""By what the mean square of what a linearised reading misses is multiplied to count as its noise. With 0, the filter
+of the books, features are too sure where bearings are coarse, since an error β takes r β²/2 from the range r. 1 gives
+right variances. 6 gives a right confidence of 0.99 after one reading as well, though β² has a longer tail than a normal
+deviate: with the quantiles t of χ²₁ and s of χ²₂, c of t + (t/2)² / (0.75 c) = s is 5.7."""
+
+
 @dataclass
 class FeatureHistory:
     """What is known of a feature besides its estimate."""
@@ -134,16 +144,6 @@ class FeatureHistories:
         del self.histories[feature]
         for history in self.histories.values():
             history.seen_with.discard(feature)
-
-
-ITERATIONS = 3
-"""How often at most the filter linearises an update anew: after two steps hardly anything changes."""
-
-CURVATURE = 6.0
-"""By what the mean square of what a linearised reading misses is multiplied to count as its noise. With 0, the filter
-of the books, features are too sure where bearings are coarse, since an error β takes r β²/2 from the range r. 1 gives
-right variances. 6 gives a right confidence of 0.99 after one reading as well, though β² has a longer tail than a normal
-deviate: with the quantiles t of χ²₁ and s of χ²₂, c of t + (t/2)² / (0.75 c) = s is 5.7."""
 
 
 class EkfSlam:

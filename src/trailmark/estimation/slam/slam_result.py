@@ -1,4 +1,4 @@
-"""What a run over a log gives: trajectory, features, and what happened to the records."""
+"""The settings of a run over a log, and what it gives: trajectory, features, what happened to the records."""
 
 from __future__ import annotations
 
