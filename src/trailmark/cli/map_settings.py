@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from trailmark.cli.options import read_number
-
 if TYPE_CHECKING:
     from trailmark.estimation.maps.map_settings import MapSettings
 
-__all__ = ["MapFile", "read_map_settings", "read_probability"]
+__all__ = ["MapFile", "read_map_settings"]
 
 LOG_SETTINGS = ("corrected", "scan_topic", "odometry_topic")
 """What a reader of logs may be told under ``log``; see :func:`trailmark.estimation.load_log`."""
@@ -86,13 +83,3 @@ def _known(given: dict[Any, Any], names: tuple[str, ...], place: str) -> dict[st
         if name not in names:
             raise EstimationError(f"setting {place}{name}: {expected_name(str(name), names)}")
     return given
-
-
-def read_probability(text: str, option: str, more: str = "") -> float:
-    """Return the probability, above 0 and below 1, that an option gives; ``more`` follows what is expected.
-
-    Raises:
-        UsageError: anything else.
-    """
-    expected = f"a probability above 0 and below 1{more}"
-    return read_number(text, option, expected, above=0.0, high=math.nextafter(1.0, 0.0))
