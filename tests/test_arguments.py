@@ -107,7 +107,7 @@ def entries(planner: LandmarkPlanner) -> dict[str, tuple[Callable[..., Any], dic
             },
         ),
         "World.query": (parking.query, {"name": None}),
-        "StateChecker": (StateChecker, {"world": WORLD, "robot": None, "exact": "kernel", "cell": None}),
+        "StateChecker": (StateChecker, {"world": WORLD, "robot": None, "cell": None}),
         "valid": (checker.valid, {"q": A}),
         "clearance": (checker.clearance, {"q": A, "cap": 1.0}),
         "motions_valid": (checker.motions_valid, {"a": [A], "b": [B]}),

@@ -22,7 +22,7 @@ from trailmark.planning.escape import ways_out_of_zones
 from trailmark.planning.followed import vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.query import OnProgress
-from trailmark.planning.result import PlanProgress, PlanResult, Status
+from trailmark.planning.result import PlanProgress, PlanResult
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 
@@ -107,13 +107,14 @@ def leave(
     if path is None or rest is None:
         proven = fresh(without, state, goal, max(seconds_left(), MIN_SECONDS))
     if path is None:
-        status: Status = "infeasible" if proven.status == "infeasible" else "timeout"
+        nothing = replace(proven, path=None, first_cost=None, min_clearance=None, history=(), goal=None)
+        if proven.status == "infeasible":
+            return nothing, 0
         named = ", ".join(zones)
         reason = f"no certified way out of {named} was found"
         if ways:
             reason = f"no path was found from where the certified ways out of {named} end"
-        nothing = replace(proven, path=None, first_cost=None, min_clearance=None, history=(), goal=None)
-        return replace(nothing, status=status, reason=reason), 0
+        return replace(nothing, status="timeout", reason=reason), 0
     assert last is not None  # noqa: S101 # a path was found
     answer = without.verification.result(incumbent, "solved", path, model.shared.roadmap, last.time["build"] or 0.0)
     assert answer.path is not None  # noqa: S101 # as above

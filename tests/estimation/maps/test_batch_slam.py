@@ -47,7 +47,7 @@ def log(seed: int = 0, rounds: int = 2) -> Log:
 
 @cache
 def filtered(seed: int = 0) -> MappedLog:
-    return map_log(log(seed), MapSettings(batch="none"))
+    return map_log(log(seed), MapSettings(smooth=False))
 
 
 @cache
@@ -81,7 +81,7 @@ AHEAD = MapSettings(
     range_bearing=RangeBearing(0.05, 0.015),
     velocity=Unicycle(0.03, 0.02, period=1.0),
     start=(0.0, 0.0, 0.0),
-    batch="stated",
+    fit_noise="off",
 )
 
 
@@ -107,7 +107,7 @@ def test_what_is_driven_before_the_first_reading_is_as_uncertain_as_odometry(cou
     for seed in range(20, 32):
         given, truth = driven_ahead(seed, count)
         mapped = map_log(given, AHEAD, confidence=0.99)
-        alone = map_log(given, replace(AHEAD, batch="none"))
+        alone = map_log(given, replace(AHEAD, smooth=False))
         assert mapped.slam is not None
         assert alone.slam is not None
         # At 20 s, 10 m on, nothing was seen yet.
@@ -149,7 +149,7 @@ def test_the_frame_of_covariances_is_named_and_chosen() -> None:
     assert size["start"][1] == pytest.approx(size["start without"][1])
     assert size["map"][1] < 0.1 * size["start"][1]
     with pytest.raises(EstimationError, match=r"^frame: expected 'start' .*got 'map'$"):
-        map_log(given, replace(AHEAD, frame="map", batch="none"))
+        map_log(given, replace(AHEAD, frame="map", smooth=False))
     # Of two features there is no frame but the start's.
     few = map_log(driven_ahead(0, 2)[0], replace(AHEAD, start=None))
     assert few.figures()["obstacles"]["frame"] == "start"
@@ -161,7 +161,7 @@ def test_poses_between_readings_are_as_sure_as_with_a_pose_at_each_record() -> N
     whole = log()
     start = next(record[1:4] for record in whole.records if isinstance(record, Pose))
     blind = [r for r in whole.records if not (isinstance(r, Detection) and (r.t < 8.0 or 20.0 < r.t < 40.0))]
-    settings = replace(RIGHT, start=start, batch="stated")
+    settings = replace(RIGHT, start=start, fit_noise="off")
     mapped = map_log(whole._replace(records=tuple(blind)), settings)
     assert mapped.slam is not None
     every = np.concatenate([[blind[0].t - 1.0], mapped.trajectory[:, 0]])
@@ -205,11 +205,11 @@ def test_noise_is_estimated_where_a_log_states_all_of_it_and_wrongly() -> None:
 def test_noise_is_estimated_where_it_is_wrong_and_asked_for() -> None:
     wrong = MapSettings(range_bearing=RangeBearing(0.01, 0.004), velocity=MOTION, stated_noise=False)
     fits = {}
-    for mode in ("auto", "fit", "stated"):
-        mapped = map_log(log(rounds=1), replace(wrong, batch=mode))
+    for mode in ("auto", "on", "off"):
+        mapped = map_log(log(rounds=1), replace(wrong, fit_noise=mode))
         assert mapped.batch is not None
         fits[mode] = mapped.batch.figures["fitted"], errors(mapped)[0]
-    assert {mode: fitted for mode, (fitted, _) in fits.items()} == {"auto": True, "fit": True, "stated": False}
+    assert {mode: fitted for mode, (fitted, _) in fits.items()} == {"auto": True, "on": True, "off": False}
     right = map_log(log(rounds=1), RIGHT)
     assert right.batch is not None
     assert right.batch.figures["fitted"] is False

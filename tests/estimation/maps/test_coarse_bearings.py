@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import pytest
 from scipy.stats import binom, chi2
@@ -93,18 +91,18 @@ def test_many_features_are_placed_relative_to_one_another() -> None:
 
 
 @pytest.mark.parametrize("variance", [0.0, 1e-30, np.nan])
-@pytest.mark.parametrize("batch", ["auto", "none"])
-def test_a_reading_without_error_is_told_in_one_line(variance: float, batch: Literal["auto", "none"]) -> None:
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_reading_without_error_is_told_in_one_line(variance: float, smooth: bool) -> None:
     given = log(np.random.default_rng(0), 3, (0.05, 0.02), stated=False)
     sure = np.diag([variance, 0.01])
     wrong = [r._replace(covariance=sure) if isinstance(r, Detection) and r.t == 2.0 else r for r in given.records]
     with pytest.raises(EstimationError, match=r"^detection at 2 s: expected a (finite )?covariance of s"):
-        map_log(given._replace(records=tuple(wrong)), MapSettings(batch=batch))
+        map_log(given._replace(records=tuple(wrong)), MapSettings(smooth=smooth))
 
 
 @pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.3)])
 @pytest.mark.parametrize("count", [3, 20])
 def test_by_the_filter_of_poses_and_features(count: int, sigma: tuple[float, float]) -> None:
-    found = nees(count, sigma, MapSettings(batch="none"), few(20, of=4))
+    found = nees(count, sigma, MapSettings(smooth=False), few(20, of=4))
     assert found.mean() < 2.6
     assert not beyond(found)

@@ -78,12 +78,12 @@ def smoothed(
     estimate = batch.solve(poses, places, feature)
     stated = misfit(batch, estimate)
     wrong = stated.understated or (stated.overstated and settings.default_noise)
-    auto = settings.batch == "auto"
-    if named and (settings.batch == "fit" or (auto and wrong)):
+    auto = settings.fit_noise == "auto"
+    if named and (settings.fit_noise == "on" or (auto and wrong)):
         estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
     if not named:
         # Wrong assignments look like noise: whether it is wrong cannot be told before.
-        fit = settings.batch == "fit" or (auto and not (readings.stated and track.states_noise))
+        fit = settings.fit_noise == "on" or (auto and not (readings.stated and track.states_noise))
         labels = Labels(estimate.solution.features, feature)
         (labels, estimate) = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
         result, feature = _relabelled(result, labels), labels.feature

@@ -153,12 +153,12 @@ def _frame(s: MapSettings, sources: Sources) -> Frame | None:
     """Return what the covariances are to be relative to; None where poses are taken as they are stated."""
     frames: tuple[Frame, ...] = ("map",) if sources.poses == "match" else ()
     if sources.obstacles == "detections":
-        frames = FRAMES if s.batch != "none" and sources.poses == "slam" else ("start",)
+        frames = FRAMES if s.smooth and sources.poses == "slam" else ("start",)
     if s.frame not in (None, *frames):
         known = " or ".join(map(repr, frames)) or "none"
         raise EstimationError(
             f"frame: expected {known} for {sources.obstacles}, poses by {sources.poses}, "
-            f"batch={s.batch!r}, got {s.frame!r}"
+            f"smooth={s.smooth}, got {s.frame!r}"
         )
     preferred = s.frame or ("map" if s.start is None else "start")
     return preferred if preferred in frames else next(iter(frames), None)

@@ -131,7 +131,7 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
         association = "known" if any(detection.identity is not None for detection in detections) else "joint"
     s = replace(s, association=association, outlier_gate=OUTLIER_GATE if s.outlier_gate == "auto" else s.outlier_gate)
     run = _run(log, settings, s, poses, association, on_progress)
-    if poses == "log" or settings.batch == "none" or not run.result.features:
+    if poses == "log" or not settings.smooth or not run.result.features:
         return run
     begun = [run.result]
     if association == "known" and run.result.counts.outliers > MANY * run.result.counts.detections:
@@ -144,7 +144,7 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
         batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
     except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
         reason = str(error).strip().partition("\n")[0]
-        raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}); setting batch: none") from None
+        raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}); setting smooth: false") from None
     return run._replace(result=batch.result, batch=batch)
 
 

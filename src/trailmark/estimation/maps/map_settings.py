@@ -95,10 +95,11 @@ class MapSettings:
     """Noise of increments: 5 cm and 1.8 degrees by each metre, 2.9 degrees by each radian."""
     stated_noise: bool = True
     """Whether the covariances that the log states for detections and increments count, in place of those above."""
-    batch: Literal["auto", "fit", "stated", "none"] = "auto"
-    """What follows EKF-SLAM: a batch over the whole log that estimates noise and systematic errors from it ("fit") or
-    takes the noise as stated, or none. "auto": it estimates them where the residuals show more noise than is stated, or
-    much less than the log or these settings' own defaults state."""
+    smooth: bool = True
+    """Whether a batch over the whole log follows EKF-SLAM."""
+    fit_noise: Literal["auto", "on", "off"] = "auto"
+    """Whether that batch estimates noise and systematic errors from the log. "auto": where the residuals show more
+    noise than is stated, or much less than the log or these settings' own defaults state."""
     radius: Positive = 0.1
     """Radius of what was detected, metres: a log says where its centre is, not how large it is."""
     radius_sigma: NonNegative = 0.0

@@ -343,13 +343,13 @@ def detection_warnings(
         kind = "larger" if nis.mean > nis.expected else "smaller"
         found.append(
             f"the readings' errors are {kind} than the noise that is stated (NIS {nis.mean:.3g}, expected "
-            f"{nis.expected:.3g}): the setting batch: fit estimates it"
+            f"{nis.expected:.3g}): the setting fit_noise: on estimates it"
         )
     left_out = counts.outliers + counts.ambiguous
     if left_out > MAX_LEFT_OUT * max(1, counts.detections):
         found.append(
             f"{left_out / counts.detections:.0%} of the readings fit no feature: misread identities, things that "
-            "moved, or wrong noise (setting batch: fit)"
+            "moved, or wrong noise (setting fit_noise: on)"
         )
     if (doubled := _doubled(estimates)) > 0:
         found.append(
