@@ -204,7 +204,7 @@ def test_bad_options(shell: Shell, log: Path, tmp_path: Path, words: list[str], 
     [
         ("radius", "expected lines 'name: value', got str"),
         ("radius: [", "expected YAML, got while parsing"),
-        ("raduis: 1", "setting raduis: expected batch, "),
+        ("raduis: 1", "setting raduis: expected "),
         ("slam: {gates: 1}", "setting slam.gates: expected association, "),
         ("log: {robot: 1}", "setting log.robot: expected "),
         ("mapping: {scan: 3}", "mapping.scan: expected lines 'name: value', got int"),
