@@ -31,6 +31,7 @@ from trailmark.cli import (
     plan,
     report,
     roadmap,
+    ros,
     warmup,
     worlds,
 )
@@ -56,6 +57,7 @@ app.command("roadmap")(roadmap.roadmap)
 app.command("benchmark")(benchmark.benchmark)
 app.command("report")(report.report)
 app.add_typer(worlds.app, name="worlds")
+app.command("ros", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(ros.ros)
 app.command("warmup")(warmup.warmup)
 
 _COMPLETE = "_TRAILMARK_COMPLETE"

@@ -1,0 +1,497 @@
+"""PlannerServer: the lifecycle node, with nav2's actions and services and what RViz shows."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from functools import partial
+from importlib import import_module
+from typing import Any
+from uuid import uuid4
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point, Pose, PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from nav_msgs.srv import GetPlan
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from trailmark import se2
+from trailmark.errors import ConfigurationError, TrailmarkError
+from trailmark.ros.messages import (
+    configuration,
+    diagnostics,
+    grid_map,
+    marker_shapes,
+    patched,
+    path_message,
+    roadmap_markers,
+    states_of,
+    swept_footprint,
+)
+from trailmark.ros.planning import Answer, PlanningSite, warm_up
+from trailmark.ros.planning import Pose as Configuration
+from trailmark.ros.settings import Settings
+
+__all__ = ["PlannerServer", "run"]
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
+"""Of maps and plans: who comes late gets the newest."""
+
+THREADS = 6
+"""Of the executor: planning, following, a map, a service, an interrupted goal, and one to spare."""
+
+HEARTBEAT = 0.1
+"""Seconds between heartbeats of the bond by which nav2's lifecycle manager watches its nodes."""
+
+
+class _FrameError(TrailmarkError):
+    """A pose that cannot be told in the map's frame."""
+
+
+class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no types
+    """A lifecycle node ``planner_server`` that plans certified paths for a footprint.
+
+    Configured it listens to maps, poses and obstacles; active it plans. A map that changes is looked at where it
+    changed, and the plan that is followed is kept, led around or made anew.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("planner_server", **options)
+        for setting in fields(Settings):
+            about = ParameterDescriptor(description=setting.metadata["about"], dynamic_typing=True)
+            self.declare_parameter(setting.name, setting.default, about)
+        self.add_on_set_parameters_callback(self._on_parameters)
+        self._active = False
+        self._bond: _Bond | None = None
+        self._made: list[tuple[Callable[[Any], Any], Any]] = []
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin without map, obstacles and poses."""
+        self.site: PlanningSite | None = None
+        self._map: OccupancyGrid | None = None
+        self._obstacles: dict[tuple[str, int], list[Any]] = {}
+        self._pose: Configuration | None = None
+        self._odom: Configuration | None = None
+        self._odom_then: Configuration | None = None
+        self._stop = threading.Event()
+
+    # Lifecycle
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the parameters, load the kernels, and offer everything."""
+        try:
+            settings = self.read_settings()
+            self.get_logger().info("loading (the first use on a machine compiles for up to a minute)")
+            warm_up(settings)
+        except TrailmarkError as error:
+            self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        self.site = PlanningSite(settings)
+        self._offer()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Plan from now on."""
+        self._active = True
+        if (kind := _interface("bond.msg", "Status")) is not None:
+            self._bond = _Bond(self, kind)
+        self._follow.trigger()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Plan no more; maps and poses are still taken."""
+        self._active = False
+        self._stop.set()
+        if self._bond is not None:
+            self._bond.end()
+            self._bond = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take back what was offered, and forget the map."""
+        self.on_deactivate(state)
+        for destroy, made in reversed(self._made):
+            destroy(made)
+        self._made.clear()
+        self._forget()
+        return TransitionCallbackReturn.SUCCESS
+
+    on_shutdown = on_error = on_cleanup
+
+    def _offer(self) -> None:
+        """Create publishers, subscriptions, services and actions."""
+        planning, maps, follow, poses, service = (
+            ReentrantCallbackGroup(),
+            *(MutuallyExclusiveCallbackGroup() for _ in "1234"),
+        )
+
+        def publisher(kind: Any, name: str, qos: Any = LATCHED) -> Any:
+            made = self.create_publisher(kind, name, qos)
+            self._made.append((self.destroy_publisher, made))
+            return made
+
+        def subscribe(kind: Any, name: str, call: Callable[[Any], None], group: Any, qos: Any = 10) -> None:
+            made = self.create_subscription(kind, name, self._surviving(name, call), qos, callback_group=group)
+            self._made.append((self.destroy_subscription, made))
+
+        self._plan = publisher(Path, "plan")
+        self._roadmap, self._landmarks = publisher(MarkerArray, "roadmap"), publisher(MarkerArray, "landmarks")
+        self._swept = publisher(MarkerArray, "swept_footprint")
+        self._diagnostics = publisher(DiagnosticArray, "/diagnostics", 10)
+        self._follow = self.create_guard_condition(self._on_change, callback_group=follow)
+        self._made.append((self.destroy_guard_condition, self._follow))
+        self._tf = _tf_buffer(self)
+        subscribe(OccupancyGrid, "map", self._on_map, maps, LATCHED)
+        if (updates := _interface("map_msgs.msg", "OccupancyGridUpdate")) is not None:
+            # Costmaps publish what changed beside themselves, in order and without loss.
+            subscribe(updates, self.resolve_topic_name("map") + "_updates", self._on_map_update, maps, 50)
+        subscribe(MarkerArray, "obstacles", self._on_obstacles, maps)
+        subscribe(PoseStamped, "goal_pose", self._on_goal_pose, planning)
+        for name in ("initialpose", "amcl_pose"):
+            subscribe(PoseWithCovarianceStamped, name, self._on_pose, poses)
+        subscribe(Odometry, "odom", self._on_odom, poses)
+        services = {"get_plan": (GetPlan, self._get_plan)}
+        if (valid := _interface("nav2_msgs.srv", "IsPathValid")) is not None:
+            services["is_path_valid"] = (valid, self._is_path_valid)
+        for name, (kind, call) in services.items():
+            made = self.create_service(kind, name, self._surviving(name, call), callback_group=service)
+            self._made.append((self.destroy_service, made))
+        for name, action in (("to_pose", "ToPose"), ("through_poses", "ThroughPoses")):
+            offered = _interface("nav2_msgs.action", f"ComputePath{action}")
+            if offered is None:
+                self.get_logger().warning("nav2_msgs is not there: no actions are offered, only get_plan and goal_pose")
+                break
+            server = ActionServer(
+                self,
+                offered,
+                f"compute_path_{name}",
+                partial(self._execute, offered),
+                callback_group=planning,
+                goal_callback=lambda _: GoalResponse.ACCEPT if self._active else GoalResponse.REJECT,
+                cancel_callback=lambda _: CancelResponse.ACCEPT,
+            )
+            self._made.append((ActionServer.destroy, server))
+
+    def _surviving(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a callback that tells of errors: in rclpy they would end the node."""
+
+        def called(message: Any, *response: Any) -> Any:
+            try:
+                return call(message, *response)
+            except TrailmarkError as error:
+                self.get_logger().warning(f"{name} ignored: {error}")
+            except Exception:
+                self.get_logger().error(f"{name} ignored: {traceback.format_exc()}")
+            return response[0] if response else None
+
+        return called
+
+    # Parameters
+
+    def read_settings(self) -> Settings:
+        """Return the parameters as they are.
+
+        Raises:
+            TrailmarkError: a value that is not allowed.
+        """
+        return Settings(**{setting.name: self.get_parameter(setting.name).value for setting in fields(Settings)})
+
+    def _on_parameters(self, parameters: Sequence[Any]) -> SetParametersResult:
+        values = {parameter.name: parameter.value for parameter in parameters}
+        try:
+            values = Settings.checked(values)
+            if self.site is not None and values:
+                self.site.change_settings(replace(self.site.settings, **values))
+                self._change_map()
+                self._follow.trigger()
+        except TrailmarkError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    # Maps and obstacles
+
+    def _on_map(self, message: OccupancyGrid) -> None:
+        before, self._map = self._map, message
+        try:
+            self._change_map()
+        except TrailmarkError:
+            self._map = before
+            raise
+
+    def _on_map_update(self, update: Any) -> None:
+        if self._map is not None:  # it comes first
+            patched(self._map, update)
+            self._change_map()
+
+    def _on_obstacles(self, message: MarkerArray) -> None:
+        for marker in message.markers:
+            if marker.action == Marker.DELETEALL:
+                self._obstacles.clear()
+            elif marker.action == Marker.DELETE:
+                self._obstacles.pop((marker.ns, marker.id), None)
+            else:
+                shapes = marker_shapes(marker, self._frame(marker.header.frame_id))
+                self._obstacles[marker.ns, marker.id] = shapes
+        self._change_map()
+
+    def _change_map(self) -> None:
+        """Bring the planner up to date with the newest map and obstacles."""
+        site = self.site
+        if self._map is not None and site is not None:
+            grid = grid_map(self._map, site.settings.lethal_cost_threshold, site.settings.allow_unknown)
+            if site.change_map(grid.with_shapes(shape for some in self._obstacles.values() for shape in some)):
+                self._follow.trigger()
+
+    def _on_change(self) -> None:
+        """Look at the plan that is followed, after the map or a parameter changed."""
+        site = self.site
+        if site is not None and self._active:
+            with site.planning:
+                answer = site.follow(self._here())
+                if answer is not None:
+                    self._publish(answer, site)
+
+    # Where the robot is
+
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+        self._pose, self._odom_then = self._in_map(message.header, message.pose.pose), self._odom
+
+    def _on_odom(self, message: Odometry) -> None:
+        self._odom = configuration(message.pose.pose)
+        self._odom_then = self._odom_then or self._odom
+
+    def _here(self) -> Configuration | None:
+        """Return the robot's pose in the map: by tf, else the last pose told and the odometry since; None: unknown."""
+        if self._tf is not None and self.site is not None:
+            try:
+                return self._transform(self._frame(""), self.site.settings.robot_base_frame)
+            except _FrameError:
+                pass
+        if self._pose is None or self._odom is None:
+            return self._pose or self._odom
+        (x0, y0, theta0), (x, y, theta) = self._odom_then or self._odom, self._odom
+        moved = se2.compose((0.0, 0.0, -theta0), (x - x0, y - y0, theta))
+        x, y, theta = se2.compose(self._pose, moved).tolist()
+        return x, y, theta
+
+    def _frame(self, otherwise: str) -> str:
+        """Return the map's frame."""
+        return otherwise if self._map is None else self._map.header.frame_id
+
+    def _in_map(self, header: Header, pose: Pose) -> Configuration:
+        """Return a pose in the map's frame.
+
+        Raises:
+            TrailmarkError: no pose, or one in a frame that nobody tells the way from.
+        """
+        found, frame = configuration(pose), self._frame(header.frame_id)
+        if header.frame_id in ("", frame):
+            return found
+        x, y, theta = se2.compose(self._transform(frame, header.frame_id), found).tolist()
+        return x, y, theta
+
+    def _transform(self, target: str, source: str) -> Configuration:
+        """Return where a frame lies in another one, as tf last told."""
+        if self._tf is None:
+            raise _FrameError(f"expected a pose in frame {target!r} as tf2_ros is not there, got one in {source!r}")
+        try:
+            found = self._tf.lookup_transform(target, source, Time()).transform
+        except Exception as error:  # tf2's own, which may be missing, are of no common class
+            raise _FrameError(f"expected a pose in frame {target!r}, got one in {source!r}: {error}") from None
+        at = found.translation
+        return configuration(Pose(position=Point(x=at.x, y=at.y), orientation=found.rotation))
+
+    # Plans
+
+    def _execute(self, kind: Any, handle: Any) -> Any:
+        """Answer a goal of an action of either kind."""
+        request, goals = handle.request, getattr(handle.request, "goals", None)
+        newer = self._begin()
+        answer, path = self._answer(
+            request.start if request.use_start else None,
+            [request.goal] if goals is None else getattr(goals, "goals", goals),  # nav_msgs/Goals since Kilted
+            lambda: newer.is_set() or handle.is_cancel_requested,
+        )
+        result = kind.Result()
+        result.planning_time = Duration(seconds=answer.seconds).to_msg()
+        if hasattr(result, "error_code"):  # not in Humble
+            result.error_code = getattr(kind.Result, answer.code, kind.Result.UNKNOWN)
+        if hasattr(result, "error_msg"):
+            result.error_msg = answer.message
+        if answer.code == "NONE":
+            result.path = path
+            handle.succeed()
+        elif handle.is_cancel_requested:
+            handle.canceled()
+        else:
+            handle.abort()
+        return result
+
+    def _get_plan(self, request: Any, response: Any) -> Any:
+        start = request.start if request.start.header.frame_id else None
+        _, response.plan = self._answer(start, [request.goal], lambda: not self._active, follow=False)
+        return response
+
+    def _on_goal_pose(self, message: PoseStamped) -> None:
+        self._answer(None, [message], self._begin().is_set)
+
+    def _begin(self) -> threading.Event:
+        """End the goal that is planned for, as a newer one is there; return what ends the newer one."""
+        self._stop.set()
+        self._stop = threading.Event()
+        return self._stop
+
+    def _answer(
+        self, start: PoseStamped | None, goals: Sequence[PoseStamped], stop: Callable[[], bool], follow: bool = True
+    ) -> tuple[Answer, Path]:
+        """Plan from a pose, or from where the robot is, through goals.
+
+        Args:
+            start: None: where the robot is.
+            goals: at least one.
+            stop: asked whether to end early.
+            follow: publish the plan, and go on following it while the map changes.
+
+        Returns:
+            What came of it, and the path, empty if there is none.
+        """
+        site = self.site
+        if site is None or not self._active:
+            return Answer("UNKNOWN", "the node is not active"), Path()
+        with site.planning:
+            try:
+                if not goals:
+                    raise ConfigurationError("expected a goal, got none")
+                here = self._here() if start is None else self._in_map(start.header, start.pose)
+                if here is None:
+                    raise _FrameError("expected a start, or the robot's pose from tf, amcl_pose, initialpose or odom")
+                ends = [self._in_map(goal.header, goal.pose) for goal in goals]
+                answer = site.plan(here, ends, stop, follow)
+            except TrailmarkError as error:
+                code = "TF_ERROR" if isinstance(error, _FrameError) else "UNKNOWN" if goals else "NO_VIAPOINTS_GIVEN"
+                answer = Answer(code, str(error))
+            if not follow:
+                return answer, self._path(answer, site)
+            if answer.code != "NONE":
+                self.get_logger().warning(f"{answer.code}: {answer.message}")
+            return answer, self._publish(answer, site)
+
+    def _is_path_valid(self, request: Any, response: Any) -> Any:
+        response.is_valid = False
+        if self.site is None or not self._active:
+            raise ConfigurationError("the node is not active")
+        if request.path.poses:
+            header, states = request.path.header, states_of(request.path.poses)
+            if header.frame_id not in ("", self._frame("")):
+                states = se2.compose(self._transform(self._frame(""), header.frame_id), states)
+            invalid = self.site.invalid_poses(states, self._here())
+            response.is_valid = not invalid
+            if hasattr(response, "invalid_pose_indices"):
+                response.invalid_pose_indices = invalid
+        return response
+
+    # What others see
+
+    def _path(self, answer: Answer, site: PlanningSite) -> Path:
+        """Return a plan as a message, empty if there is none."""
+        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._frame("map"))
+        return path_message(answer.states(site.settings.path_spacing), site.settings.robot, header)
+
+    def _publish(self, answer: Answer, site: PlanningSite) -> Path:
+        """Publish a plan with its roadmap and footprints, say how good it is, and return it."""
+        path = self._path(answer, site)
+        self._plan.publish(path)
+        self._diagnostics.publish(diagnostics(self.get_fully_qualified_name(), answer, path.header))
+        if self._swept.get_subscription_count():
+            states = answer.states(site.settings.path_spacing)
+            self._swept.publish(swept_footprint(site.settings.robot, states, path.header))
+        if (
+            site.planner is not None
+            and self._roadmap.get_subscription_count() + self._landmarks.get_subscription_count()
+        ):
+            edges, landmarks = roadmap_markers(site.planner.roadmap.graph, path.header)
+            self._roadmap.publish(edges)
+            self._landmarks.publish(landmarks)
+        return path
+
+
+class _Bond:
+    """Heartbeats that tell nav2's lifecycle manager that the node lives, where the package ``bond`` is there."""
+
+    def __init__(self, node: LifecycleNode, kind: Any) -> None:
+        self._node, self._publisher = node, node.create_publisher(kind, "bond", 10)
+        self._status = kind(id=node.get_name(), instance_id=uuid4().hex, active=True)
+        self._status.heartbeat_period, self._status.heartbeat_timeout = HEARTBEAT, 40.0 * HEARTBEAT
+        self._timer = node.create_timer(HEARTBEAT, self._beat)
+
+    def _beat(self) -> None:
+        self._status.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(self._status)
+
+    def end(self) -> None:
+        """Say that the node stopped as it should."""
+        self._node.destroy_timer(self._timer)
+        self._status.active = False
+        self._beat()
+        self._node.destroy_publisher(self._publisher)
+
+
+def run(args: list[str]) -> None:
+    """Run the node until it is interrupted.
+
+    Args:
+        args: ``--ros-args`` and what follows.
+
+    Raises:
+        ConfigurationError: arguments that ROS does not take, or with ``autostart`` parameters that are not allowed.
+    """
+    sys.setswitchinterval(1e-3)  # while one thread plans, the others answer
+    try:
+        rclpy.init(args=args)
+    except Exception as error:  # rclpy's own, and those of its C layer, have no common class
+        raise ConfigurationError(f"trailmark ros: {error}") from None
+    try:
+        node = PlannerServer()
+        executor = MultiThreadedExecutor(THREADS)
+        executor.add_node(node)
+        if node.get_parameter("autostart").value is not False:
+            node.read_settings()
+            node.trigger_configure()
+            node.trigger_activate()
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+
+
+def _interface(module: str, name: str) -> Any:
+    """Return a message, service or action of a package that may not be there; None if it is not."""
+    try:
+        return getattr(import_module(module), name, None)
+    except ImportError:
+        return None
+
+
+def _tf_buffer(node: LifecycleNode) -> Any:
+    """Return tf's transforms; None where tf2_ros is not there."""
+    buffer, listener = _interface("tf2_ros", "Buffer"), _interface("tf2_ros", "TransformListener")
+    if buffer is None or listener is None:
+        return None
+    made = buffer()
+    made.listener = listener(made, node)  # lives as long
+    return made
