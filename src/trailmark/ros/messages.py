@@ -36,11 +36,7 @@ UNIT = 0.01
 
 
 def configuration(pose: Pose) -> Configuration:
-    """Return a pose's x, y and heading.
-
-    Raises:
-        ConfigurationError: numbers that are not finite, or a quaternion that is no rotation.
-    """
+    """Return a pose's x, y and heading."""
     q = pose.orientation
     norm = math.hypot(q.x, q.y, q.z, q.w)
     if not all(map(math.isfinite, (pose.position.x, pose.position.y))) or not abs(norm - 1.0) <= UNIT:
@@ -51,16 +47,7 @@ def configuration(pose: Pose) -> Configuration:
 
 
 def grid_map(message: OccupancyGrid, threshold: int, allow_unknown: bool) -> GridMap:
-    """Return an occupancy grid's map.
-
-    Args:
-        message: of ``map`` or a costmap: -1 unknown, 0 to 100.
-        threshold: value from which on a cell is occupied.
-        allow_unknown: whether unknown cells are free.
-
-    Raises:
-        WorldError: no cells, another number of them than the size says, or a resolution or origin that is none.
-    """
+    """Return a map or costmap (-1 unknown, 0 to 100), whose cells from the threshold on are occupied."""
     info = message.info
     if not info.width * info.height == len(message.data) > 0:
         got = f"{len(message.data)} of {info.width} x {info.height}"
@@ -74,11 +61,7 @@ def grid_map(message: OccupancyGrid, threshold: int, allow_unknown: bool) -> Gri
 
 
 def patched(message: OccupancyGrid, update: Any) -> None:
-    """Write a ``map_msgs/OccupancyGridUpdate`` into the grid that it is of.
-
-    Raises:
-        WorldError: an update that reaches over the grid, or of another number of cells than its size says.
-    """
+    """Write a ``map_msgs/OccupancyGridUpdate`` into the grid that it is of."""
     width, height = message.info.width, message.info.height
     inside = 0 <= update.x <= width - update.width and 0 <= update.y <= height - update.height
     if not inside or len(update.data) != update.width * update.height:
@@ -92,11 +75,7 @@ def patched(message: OccupancyGrid, update: Any) -> None:
 
 
 def marker_shapes(marker: Marker, frame: str) -> list[Shape]:
-    """Return the obstacles that a marker shows: a line strip's or list of triangles' polygons, a cylinder, a box.
-
-    Raises:
-        TrailmarkError: another frame or kind, or an outline that bounds no region.
-    """
+    """Return the obstacles that a marker shows: a line strip's or list of triangles' polygons, a cylinder, a box."""
     if marker.header.frame_id not in ("", frame):
         raise ConfigurationError(f"obstacles: expected frame {frame!r}, got {marker.header.frame_id!r}")
     x, y, yaw = configuration(marker.pose)
@@ -180,9 +159,5 @@ def _marker(header: Header, kind: int, width: float, colour: Sequence[float]) ->
 
 
 def states_of(poses: Iterable[PoseStamped]) -> se2.FloatArray:
-    """Return the configurations of a path's poses, shape (n, 3).
-
-    Raises:
-        ConfigurationError: a pose that is none.
-    """
+    """Return the configurations of a path's poses, shape (n, 3)."""
     return np.array([configuration(stamped.pose) for stamped in poses]).reshape(-1, 3)

@@ -30,20 +30,11 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from trailmark import se2
 from trailmark.errors import ConfigurationError, TrailmarkError
-from trailmark.ros.messages import (
-    configuration,
-    diagnostics,
-    grid_map,
-    marker_shapes,
-    patched,
-    path_message,
-    roadmap_markers,
-    states_of,
-    swept_footprint,
-)
+from trailmark.ros import messages
 from trailmark.ros.planning import Answer, PlanningSite, warm_up
 from trailmark.ros.planning import Pose as Configuration
 from trailmark.ros.settings import Settings
+from trailmark.shapes import Shape
 
 __all__ = ["PlannerServer", "run"]
 
@@ -73,21 +64,17 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         for setting in fields(Settings):
             about = ParameterDescriptor(description=setting.metadata["about"], dynamic_typing=True)
             self.declare_parameter(setting.name, setting.default, about)
-        self.add_on_set_parameters_callback(self._on_parameters)
+        self.site: PlanningSite | None = None  # from configure to cleanup
         self._active = False
         self._bond: _Bond | None = None
-        self._made: list[tuple[Callable[[Any], Any], Any]] = []
-        self._forget()
-
-    def _forget(self) -> None:
-        """Begin without map, obstacles and poses."""
-        self.site: PlanningSite | None = None
+        self._stop = threading.Event()  # ends the goal that is planned for
         self._map: OccupancyGrid | None = None
-        self._obstacles: dict[tuple[str, int], list[Any]] = {}
+        self._obstacles: dict[tuple[str, int], list[Shape]] = {}
         self._pose: Configuration | None = None
         self._odom: Configuration | None = None
-        self._odom_then: Configuration | None = None
-        self._stop = threading.Event()
+        self._odom_then: Configuration | None = None  # when the pose was told
+        self._offer()
+        self.add_on_set_parameters_callback(self._on_parameters)
 
     # Lifecycle
 
@@ -101,7 +88,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         self.site = PlanningSite(settings)
-        self._offer()
+        self._surviving("map", self._change_map)()
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -113,7 +100,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Plan no more; maps and poses are still taken."""
+        """Plan no more; maps, obstacles and poses are still taken."""
         self._active = False
         self._stop.set()
         if self._bond is not None:
@@ -122,38 +109,29 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take back what was offered, and forget the map."""
+        """Forget the planner and what it planned."""
         self.on_deactivate(state)
-        for destroy, made in reversed(self._made):
-            destroy(made)
-        self._made.clear()
-        self._forget()
+        self.site = None
         return TransitionCallbackReturn.SUCCESS
 
     on_shutdown = on_error = on_cleanup
 
     def _offer(self) -> None:
-        """Create publishers, subscriptions, services and actions."""
-        planning, maps, follow, poses, service = (
+        """Create publishers, subscriptions, services and actions, which do nothing until the node is active."""
+        planning, (maps, follow, poses, service) = (
             ReentrantCallbackGroup(),
-            *(MutuallyExclusiveCallbackGroup() for _ in "1234"),
+            (MutuallyExclusiveCallbackGroup() for _ in "1234"),
         )
 
-        def publisher(kind: Any, name: str, qos: Any = LATCHED) -> Any:
-            made = self.create_publisher(kind, name, qos)
-            self._made.append((self.destroy_publisher, made))
-            return made
-
         def subscribe(kind: Any, name: str, call: Callable[[Any], None], group: Any, qos: Any = 10) -> None:
-            made = self.create_subscription(kind, name, self._surviving(name, call), qos, callback_group=group)
-            self._made.append((self.destroy_subscription, made))
+            self.create_subscription(kind, name, self._surviving(name, call), qos, callback_group=group)
 
-        self._plan = publisher(Path, "plan")
-        self._roadmap, self._landmarks = publisher(MarkerArray, "roadmap"), publisher(MarkerArray, "landmarks")
-        self._swept = publisher(MarkerArray, "swept_footprint")
-        self._diagnostics = publisher(DiagnosticArray, "/diagnostics", 10)
-        self._follow = self.create_guard_condition(self._on_change, callback_group=follow)
-        self._made.append((self.destroy_guard_condition, self._follow))
+        self._plan = self.create_publisher(Path, "plan", LATCHED)
+        self._roadmap = self.create_publisher(MarkerArray, "roadmap", LATCHED)
+        self._landmarks = self.create_publisher(MarkerArray, "landmarks", LATCHED)
+        self._swept = self.create_publisher(MarkerArray, "swept_footprint", LATCHED)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._follow = self.create_guard_condition(self._surviving("map", self._on_change), callback_group=follow)
         self._tf = _tf_buffer(self)
         subscribe(OccupancyGrid, "map", self._on_map, maps, LATCHED)
         if (updates := _interface("map_msgs.msg", "OccupancyGridUpdate")) is not None:
@@ -161,53 +139,45 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             subscribe(updates, self.resolve_topic_name("map") + "_updates", self._on_map_update, maps, 50)
         subscribe(MarkerArray, "obstacles", self._on_obstacles, maps)
         subscribe(PoseStamped, "goal_pose", self._on_goal_pose, planning)
-        for name in ("initialpose", "amcl_pose"):
-            subscribe(PoseWithCovarianceStamped, name, self._on_pose, poses)
+        subscribe(PoseWithCovarianceStamped, "initialpose", self._on_pose, poses)
+        subscribe(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, poses)
         subscribe(Odometry, "odom", self._on_odom, poses)
-        services = {"get_plan": (GetPlan, self._get_plan)}
-        if (valid := _interface("nav2_msgs.srv", "IsPathValid")) is not None:
-            services["is_path_valid"] = (valid, self._is_path_valid)
-        for name, (kind, call) in services.items():
-            made = self.create_service(kind, name, self._surviving(name, call), callback_group=service)
-            self._made.append((self.destroy_service, made))
+        self.create_service(GetPlan, "get_plan", self._surviving("get_plan", self._get_plan), callback_group=service)
+        if (valid := _interface("nav2_msgs.srv", "IsPathValid")) is None:
+            self.get_logger().warning("nav2_msgs is not there: no actions are offered, only get_plan and goal_pose")
+            return
+        name, call = "is_path_valid", self._is_path_valid
+        self.create_service(valid, name, self._surviving(name, call), callback_group=service)
         for name, action in (("to_pose", "ToPose"), ("through_poses", "ThroughPoses")):
-            offered = _interface("nav2_msgs.action", f"ComputePath{action}")
-            if offered is None:
-                self.get_logger().warning("nav2_msgs is not there: no actions are offered, only get_plan and goal_pose")
-                break
-            server = ActionServer(
+            kind = _interface("nav2_msgs.action", f"ComputePath{action}")
+            ActionServer(
                 self,
-                offered,
+                kind,
                 f"compute_path_{name}",
-                partial(self._execute, offered),
+                partial(self._execute, kind),
                 callback_group=planning,
                 goal_callback=lambda _: GoalResponse.ACCEPT if self._active else GoalResponse.REJECT,
                 cancel_callback=lambda _: CancelResponse.ACCEPT,
             )
-            self._made.append((ActionServer.destroy, server))
 
     def _surviving(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         """Return a callback that tells of errors: in rclpy they would end the node."""
 
-        def called(message: Any, *response: Any) -> Any:
+        def called(*given: Any) -> Any:
             try:
-                return call(message, *response)
+                return call(*given)
             except TrailmarkError as error:
                 self.get_logger().warning(f"{name} ignored: {error}")
             except Exception:
                 self.get_logger().error(f"{name} ignored: {traceback.format_exc()}")
-            return response[0] if response else None
+            return given[-1] if given else None  # a service's response as it is
 
         return called
 
     # Parameters
 
     def read_settings(self) -> Settings:
-        """Return the parameters as they are.
-
-        Raises:
-            TrailmarkError: a value that is not allowed.
-        """
+        """Return the parameters as they are; a TrailmarkError says which is not allowed."""
         return Settings(**{setting.name: self.get_parameter(setting.name).value for setting in fields(Settings)})
 
     def _on_parameters(self, parameters: Sequence[Any]) -> SetParametersResult:
@@ -234,7 +204,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _on_map_update(self, update: Any) -> None:
         if self._map is not None:  # it comes first
-            patched(self._map, update)
+            messages.patched(self._map, update)
             self._change_map()
 
     def _on_obstacles(self, message: MarkerArray) -> None:
@@ -244,7 +214,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             elif marker.action == Marker.DELETE:
                 self._obstacles.pop((marker.ns, marker.id), None)
             else:
-                shapes = marker_shapes(marker, self._frame(marker.header.frame_id))
+                shapes = messages.marker_shapes(marker, self._frame(marker.header.frame_id))
                 self._obstacles[marker.ns, marker.id] = shapes
         self._change_map()
 
@@ -252,7 +222,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         """Bring the planner up to date with the newest map and obstacles."""
         site = self.site
         if self._map is not None and site is not None:
-            grid = grid_map(self._map, site.settings.lethal_cost_threshold, site.settings.allow_unknown)
+            grid = messages.grid_map(self._map, site.settings.lethal_cost_threshold, site.settings.allow_unknown)
             if site.change_map(grid.with_shapes(shape for some in self._obstacles.values() for shape in some)):
                 self._follow.trigger()
 
@@ -271,7 +241,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._pose, self._odom_then = self._in_map(message.header, message.pose.pose), self._odom
 
     def _on_odom(self, message: Odometry) -> None:
-        self._odom = configuration(message.pose.pose)
+        self._odom = messages.configuration(message.pose.pose)
         self._odom_then = self._odom_then or self._odom
 
     def _here(self) -> Configuration | None:
@@ -293,12 +263,8 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         return otherwise if self._map is None else self._map.header.frame_id
 
     def _in_map(self, header: Header, pose: Pose) -> Configuration:
-        """Return a pose in the map's frame.
-
-        Raises:
-            TrailmarkError: no pose, or one in a frame that nobody tells the way from.
-        """
-        found, frame = configuration(pose), self._frame(header.frame_id)
+        """Return a pose in the map's frame; an error where nobody tells the way from its own."""
+        found, frame = messages.configuration(pose), self._frame(header.frame_id)
         if header.frame_id in ("", frame):
             return found
         x, y, theta = se2.compose(self._transform(frame, header.frame_id), found).tolist()
@@ -313,7 +279,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         except Exception as error:  # tf2's own, which may be missing, are of no common class
             raise _FrameError(f"expected a pose in frame {target!r}, got one in {source!r}: {error}") from None
         at = found.translation
-        return configuration(Pose(position=Point(x=at.x, y=at.y), orientation=found.rotation))
+        return messages.configuration(Pose(position=Point(x=at.x, y=at.y), orientation=found.rotation))
 
     # Plans
 
@@ -358,16 +324,9 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     def _answer(
         self, start: PoseStamped | None, goals: Sequence[PoseStamped], stop: Callable[[], bool], follow: bool = True
     ) -> tuple[Answer, Path]:
-        """Plan from a pose, or from where the robot is, through goals.
+        """Plan from a pose (None: the robot's) through goals; return what came of it, and the path, which may be empty.
 
-        Args:
-            start: None: where the robot is.
-            goals: at least one.
-            stop: asked whether to end early.
-            follow: publish the plan, and go on following it while the map changes.
-
-        Returns:
-            What came of it, and the path, empty if there is none.
+        To follow the plan is to publish it, and to keep it free while the map changes.
         """
         site = self.site
         if site is None or not self._active:
@@ -395,7 +354,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         if self.site is None or not self._active:
             raise ConfigurationError("the node is not active")
         if request.path.poses:
-            header, states = request.path.header, states_of(request.path.poses)
+            header, states = request.path.header, messages.states_of(request.path.poses)
             if header.frame_id not in ("", self._frame("")):
                 states = se2.compose(self._transform(self._frame(""), header.frame_id), states)
             invalid = self.site.invalid_poses(states, self._here())
@@ -409,21 +368,19 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     def _path(self, answer: Answer, site: PlanningSite) -> Path:
         """Return a plan as a message, empty if there is none."""
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._frame("map"))
-        return path_message(answer.states(site.settings.path_spacing), site.settings.robot, header)
+        return messages.path_message(answer.states(site.settings.path_spacing), site.settings.robot, header)
 
     def _publish(self, answer: Answer, site: PlanningSite) -> Path:
         """Publish a plan with its roadmap and footprints, say how good it is, and return it."""
         path = self._path(answer, site)
         self._plan.publish(path)
-        self._diagnostics.publish(diagnostics(self.get_fully_qualified_name(), answer, path.header))
+        self._diagnostics.publish(messages.diagnostics(self.get_fully_qualified_name(), answer, path.header))
         if self._swept.get_subscription_count():
             states = answer.states(site.settings.path_spacing)
-            self._swept.publish(swept_footprint(site.settings.robot, states, path.header))
-        if (
-            site.planner is not None
-            and self._roadmap.get_subscription_count() + self._landmarks.get_subscription_count()
-        ):
-            edges, landmarks = roadmap_markers(site.planner.roadmap.graph, path.header)
+            self._swept.publish(messages.swept_footprint(site.settings.robot, states, path.header))
+        shown = self._roadmap.get_subscription_count() + self._landmarks.get_subscription_count()
+        if shown and site.planner is not None:
+            edges, landmarks = messages.roadmap_markers(site.planner.roadmap.graph, path.header)
             self._roadmap.publish(edges)
             self._landmarks.publish(landmarks)
         return path
@@ -451,14 +408,7 @@ class _Bond:
 
 
 def run(args: list[str]) -> None:
-    """Run the node until it is interrupted.
-
-    Args:
-        args: ``--ros-args`` and what follows.
-
-    Raises:
-        ConfigurationError: arguments that ROS does not take, or with ``autostart`` parameters that are not allowed.
-    """
+    """Run the node until it is interrupted (:func:`trailmark.ros.main`)."""
     sys.setswitchinterval(1e-3)  # while one thread plans, the others answer
     try:
         rclpy.init(args=args)
@@ -489,9 +439,8 @@ def _interface(module: str, name: str) -> Any:
 
 def _tf_buffer(node: LifecycleNode) -> Any:
     """Return tf's transforms; None where tf2_ros is not there."""
-    buffer, listener = _interface("tf2_ros", "Buffer"), _interface("tf2_ros", "TransformListener")
-    if buffer is None or listener is None:
+    if (made := _interface("tf2_ros", "Buffer")) is None:
         return None
-    made = buffer()
-    made.listener = listener(made, node)  # lives as long
-    return made
+    buffer = made()
+    buffer.listener = _interface("tf2_ros", "TransformListener")(buffer, node)  # lives as long
+    return buffer

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -85,8 +86,7 @@ class GridMap:
         return np.asarray(away @ np.array([[cos, -sin], [sin, cos]]) / self.resolution)
 
 
-@dataclass(frozen=True)
-class Leg:
+class Leg(NamedTuple):
     """A plan's part to one of its goals."""
 
     goal: Pose
@@ -148,11 +148,7 @@ class PlanningSite:
         self._last: tuple[tuple[int, Pose, tuple[Pose, ...]], Answer] | None = None
 
     def change_map(self, grid: GridMap) -> bool:
-        """Plan in another map from now on; return whether it says anything new.
-
-        Raises:
-            WorldError: a grid that is too large, or far away.
-        """
+        """Plan in another map from now on; return whether it says anything new."""
         with self._changing:
             if grid.equals(self.grid):
                 return False
@@ -167,11 +163,7 @@ class PlanningSite:
         return True
 
     def change_settings(self, settings: Settings) -> None:
-        """Plan with other settings from now on.
-
-        Raises:
-            TrailmarkError: no planner can be made of them; then all stays as it was.
-        """
+        """Plan with other settings from now on; where no planner can be made of them all stays as it was."""
         with self._changing:
             if self.planner is not None:
                 self.planner = _planner(replace(self.planner.world, zones=settings.zones), settings)
@@ -181,15 +173,10 @@ class PlanningSite:
     def plan(
         self, start: Pose, goals: Sequence[Pose], stop: Callable[[], bool] = lambda: False, follow: bool = True
     ) -> Answer:
-        """Return a path from start through all goals.
+        """Return a path from start through all goals, which is followed from now on if it is to be.
 
         Where the goals are those of the plan that is followed, its rest is kept, or led around what came in its way.
-
-        Args:
-            start: configuration.
-            goals: configurations, at least one.
-            stop: asked whether to end early, as if the time were up.
-            follow: follow the path from now on, in place of the one before.
+        ``stop`` is asked whether to end early, as if the time were up.
         """
         begin = perf_counter()
         asked = (self._version, start, tuple(goals))
@@ -210,10 +197,9 @@ class PlanningSite:
         return replace(answer, seconds=perf_counter() - begin)
 
     def follow(self, here: Pose | None) -> Answer | None:
-        """Return what becomes of the plan that is followed, after the map changed; None if there is nothing to do.
+        """Return what becomes of the plan that is followed after the map changed; None if there is nothing to do.
 
-        Args:
-            here: where the robot is; None: at the plan's start.
+        The robot is ``here``, or where it is not known, at the plan's start.
         """
         if not self.followed or (self._last is not None and self._last[0][0] == self._version):
             return None
@@ -225,14 +211,9 @@ class PlanningSite:
         return self.plan(here, [leg.goal for leg in self.followed])
 
     def invalid_poses(self, states: se2.FloatArray, here: Pose | None) -> list[int]:
-        """Return the indices of the poses at which a path begins to collide, in order; empty if it is free.
+        """Return the indices of the states, shape (n, 3), at which a path begins to collide; empty if it is free.
 
-        Args:
-            states: the path's, shape (n, 3).
-            here: where the robot is: what lies before the nearest pose is left aside; None looks at all of it.
-
-        Raises:
-            ConfigurationError: there is no map yet, or states that are no configurations.
+        What lies before the state nearest to where the robot is, if that is known, is left aside.
         """
         if self.planner is None:
             raise ConfigurationError("expected a map first, got none yet")
@@ -304,11 +285,7 @@ def _pose(state: NDArray[np.float64]) -> Pose:
 
 
 def warm_up(settings: Settings) -> None:
-    """Load, or on a machine's first use compile, what the robot's plans need.
-
-    Raises:
-        TrailmarkError: settings of which no planner can be made.
-    """
+    """Load, or on a machine's first use compile, what the robot's plans need."""
     room = PlanningSite(replace(settings, zones_file="", tolerance=0.0, time_limit=5.0))
     size = 2.0 * (settings.robot.circumradius + settings.clearance) + 2.0 * (settings.robot.turning_radius or 0.0)
     empty = GridMap(np.zeros((60, 60), np.bool_), size / 10.0, (0.0, 0.0, 0.0))
