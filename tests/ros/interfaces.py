@@ -193,6 +193,7 @@ def _compile(package: str, code: Path, prefix: Path) -> subprocess.Popen[bytes]:
         "-O0",
         "-shared",
         "-fPIC",
+        f"-Wl,-soname,lib{package}__rosidl_{FOUND_BY_NAME[0]}.so",  # found by it where it is loaded already
         "-o",
         library,
         *(f"-I{folder}" for folder in include),

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def shared() -> Iterator[Any]:
+    from tests.ros.support import SQUARE, Client, name_space, running
+
+    space = name_space()
+    with running(space, footprint=f"'{SQUARE}'", path_spacing=0.05) as process:
+        client = Client(space)
+        client.process = process
+        yield client
+        client.close()
+
+
+@pytest.fixture
+def client(shared: Any) -> Iterator[Any]:
+    """A client of the node that all tests share, which plans for a rectangle in the two rooms."""
+    from tests.ros.support import SQUARE, room
+
+    shared.set(footprint=SQUARE, motion_model="omnidirectional", time_limit=1.0, clearance=0.0, tolerance=0.0)
+    shared.show(room())
+    yield shared
+    assert shared.process.process.poll() is None, shared.process.said()
+    assert "Traceback" not in shared.process.said()
