@@ -50,7 +50,8 @@ KEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 PATIENCE = 60.0
 """Seconds after which a test gives up waiting: many, as what is waited for never takes so long."""
 
-SQUARE = "[[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]"
+CORNERS = np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
+SQUARE = str(CORNERS.tolist())
 NUMBERS = count()
 
 
