@@ -47,7 +47,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
 KEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-PATIENCE = 60.0
+PATIENCE = 300.0
 """Seconds after which a test gives up waiting: many, as what is waited for never takes so long."""
 
 CORNERS = np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
@@ -252,7 +252,7 @@ def room() -> NDArray[np.bool_]:
     cells = np.zeros((120, 200), np.bool_)
     cells[[0, -1]] = cells[:, [0, -1]] = True
     cells[:, 98:102] = True
-    cells[20:32, 98:102] = cells[90:100, 98:102] = False
+    cells[18:34, 98:102] = cells[90:100, 98:102] = False
     return cells
 
 
