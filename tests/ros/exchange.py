@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import suppress
 from typing import Any
 
 import rclpy
@@ -50,17 +51,16 @@ def server(node: Any) -> None:
     for message in MESSAGES:
         kind, name = type(message), type(message).__name__.lower()
         node.create_subscription(kind, name, node.create_publisher(kind, f"{name}_back", 10).publish, 10)
-    try:
+    with suppress(ExternalShutdownException):
         rclpy.spin(node)
-    except (ExternalShutdownException, KeyboardInterrupt):
-        pass
 
 
 def client(node: Any) -> None:
     poses = [PoseStamped() for _ in range(3)]
     for x, pose in enumerate(poses):
         pose.header.frame_id, pose.pose.position.x = "map", float(x)
-    result = done(node, ComputePathToPose, "to_pose", ComputePathToPose.Goal(start=poses[0], goal=poses[1], planner_id="p"))
+    goal = ComputePathToPose.Goal(start=poses[0], goal=poses[1], planner_id="p")
+    result = done(node, ComputePathToPose, "to_pose", goal)
     assert result.path.poses == poses[:2]
     assert result.planning_time.sec == 3
     assert [getattr(result, "error_code", 206), getattr(result, "error_msg", "p")] == [206, "p"]

@@ -187,7 +187,16 @@ def _compile(package: str, code: Path, prefix: Path) -> subprocess.Popen[bytes]:
     names = [f"{used}__rosidl_{kind}" for used in USED for kind in KINDS]
     names += ["fastcdr", "rmw", "rcutils", "rosidl_runtime_c", "rosidl_typesupport_c", "rosidl_typesupport_fastrtps_c"]
     names += ["rosidl_typesupport_fastrtps_cpp", "rosidl_typesupport_introspection_c", "stdc++"]
-    command = ["gcc", "-w", "-O0", "-shared", "-fPIC", "-o", library, *(f"-I{folder}" for folder in include)]
+    command: list[str | Path] = [
+        "gcc",
+        "-w",
+        "-O0",
+        "-shared",
+        "-fPIC",
+        "-o",
+        library,
+        *(f"-I{folder}" for folder in include),
+    ]
     command += [*code.glob(f"*/{package}/**/*.c"), "-x", "c++", whole, "-x", "none"]
     command += [f"-L{_ros() / 'lib'}", "-Wl,--as-needed", *(f"-l{name}" for name in names)]
     return subprocess.Popen(command)
