@@ -16,6 +16,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -58,12 +59,12 @@ def environment(variant: str = "kilted") -> dict[str, str]:
 
 def interfaces(variant: str = "kilted") -> Path:
     """The folder of the Python packages nav2_msgs, bond, tf2_msgs and map_msgs, built where it is not yet there."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "trailmark-tests", "ros")
-    prefix = cache / _digest(variant)
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "trailmark-tests", "ros")
+    prefix = folder / _digest(variant)
     if prefix.is_dir():
         return prefix
-    cache.mkdir(parents=True, exist_ok=True)
-    with (cache / "lock").open("w") as lock, tempfile.TemporaryDirectory(dir=cache) as scratch:
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock, tempfile.TemporaryDirectory(dir=folder) as scratch:
         fcntl.flock(lock, fcntl.LOCK_EX)  # two workers of pytest may ask at once
         if not prefix.is_dir():
             command = [sys.executable, __file__, variant, scratch]  # generators print, and want an environment
@@ -137,6 +138,8 @@ def _digest(variant: str) -> str:
 
 
 def _build(variant: str, scratch: Path) -> None:
+    parser = import_module("rosidl_parser.parser")
+    parser.parse_idl_string = cache(parser.parse_idl_string)  # type: ignore[attr-defined]  # each generator parses anew
     compilers = []
     texts = definitions(variant)
     for package in sorted({file.split("/")[0] for file in texts}):
