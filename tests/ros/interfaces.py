@@ -1,8 +1,9 @@
-"""The interface packages of nav2 that have no wheel, written anew from their fields and built once into a cache.
+"""The interface packages of nav2 that have no wheel, built once into a cache from their fields.
 
-The wheels that rclpy brings hold all generators: the packages are made by them and by gcc alone, without CMake, one
-shared library each. By hand: `python tests/ros/interfaces.py [VARIANT]` builds them and prints what a shell has to
-export; VARIANT is one of humble, jazzy, kilted (the default), rolling.
+`interfaces.txt` has the fields, and since or until which distribution of ROS 2 they are there. The wheels that rclpy
+brings hold all generators: the packages are made by them and by gcc, without CMake, one shared library each. By hand:
+`python tests/ros/interfaces.py [VARIANT]` builds them and prints what a shell has to export; VARIANT is one of humble,
+jazzy, kilted (the default), rolling.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
 VARIANTS = ("humble", "jazzy", "kilted", "rolling")
-CODES = ["UNKNOWN", "INVALID_PLANNER", "TF_ERROR", "START_OUTSIDE_MAP", "GOAL_OUTSIDE_MAP"]
-CODES += ["START_OCCUPIED", "GOAL_OCCUPIED", "TIMEOUT", "NO_VALID_PATH"]
+FIELDS = Path(__file__).with_suffix(".txt")
 KINDS = ["generator_c", "generator_py", "typesupport_c", "typesupport_fastrtps_c", "typesupport_introspection_c"]
 FOUND_BY_NAME = ["typesupport_fastrtps_c", "typesupport_introspection_c"]  # libraries that are opened by their names
 USED = ["std_msgs", "geometry_msgs", "nav_msgs", "builtin_interfaces", "unique_identifier_msgs", "action_msgs"]
@@ -58,12 +59,12 @@ def environment(variant: str = "kilted") -> dict[str, str]:
 
 def interfaces(variant: str = "kilted") -> Path:
     """The folder of the Python packages nav2_msgs, bond, tf2_msgs and map_msgs, built where it is not yet there."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "trailmark-tests", "ros")
-    prefix = cache / _digest(variant)
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "trailmark-tests", "ros")
+    prefix = folder / _digest(variant)
     if prefix.is_dir():
         return prefix
-    cache.mkdir(parents=True, exist_ok=True)
-    with (cache / "lock").open("w") as lock, tempfile.TemporaryDirectory(dir=cache) as scratch:
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock, tempfile.TemporaryDirectory(dir=folder) as scratch:
         fcntl.flock(lock, fcntl.LOCK_EX)  # two workers of pytest may ask at once
         if not prefix.is_dir():
             command = [sys.executable, __file__, variant, scratch]  # generators print, and want an environment
@@ -76,41 +77,25 @@ def interfaces(variant: str = "kilted") -> Path:
 
 def definitions(variant: str) -> dict[str, str]:
     """The text of each interface by its file, as a distribution of ROS 2 has it."""
-    age = VARIANTS.index(variant)
-    pose, goals = "geometry_msgs/PoseStamped", "nav_msgs/Goals" if age >= 2 else "geometry_msgs/PoseStamped[]"
-    viapoints = [f"{pose}[] viapoints"] if age >= 3 else []
-    valid = ["uint8 max_cost 254", "bool consider_unknown_as_obstacle false"] if age >= 2 else []
-    if age >= 3:
-        valid += ["string layer_name", "string footprint"]
-        valid += ["bool stop_at_first_collision true", "float32 max_lookahead_distance -1.0"]
-
-    def planned(goal: list[str], first_code: int, codes: list[str]) -> str:
-        constants = ["uint16 NONE=0", *(f"uint16 {name}={code}" for code, name in enumerate(codes, first_code))]
-        error = ["uint16 error_code", "string error_msg"] if age >= 1 else []
-        result = ["nav_msgs/Path path", "builtin_interfaces/Duration planning_time", *error]
-        rest = ["string planner_id", "bool use_start"]
-        return _lines([*goal, *rest, "---", *(constants if error else []), *result, "---"])
-
-    bond = ["std_msgs/Header header", "string id", "string instance_id", "bool active"]
-    success = ["bool success"] if age >= 3 else []
-    return {
-        "bond/msg/Status.msg": _lines([*bond, "float32 heartbeat_timeout", "float32 heartbeat_period"]),
-        "map_msgs/msg/OccupancyGridUpdate.msg": _lines(
-            ["std_msgs/Header header", "int32 x", "int32 y", "uint32 width", "uint32 height", "int8[] data"]
-        ),
-        "nav2_msgs/action/ComputePathToPose.action": planned([f"{pose} goal", f"{pose} start", *viapoints], 200, CODES),
-        "nav2_msgs/action/ComputePathThroughPoses.action": planned(
-            [f"{goals} goals", f"{pose} start"], 300, [*CODES, "NO_VIAPOINTS_GIVEN"]
-        ),
-        "nav2_msgs/srv/IsPathValid.srv": _lines(
-            ["nav_msgs/Path path", *valid, "---", *success, "bool is_valid", "int32[] invalid_pose_indices"]
-        ),
-        "tf2_msgs/msg/TFMessage.msg": _lines(["geometry_msgs/TransformStamped[] transforms"]),
-    }
+    texts: dict[str, str] = {}
+    for line in filter(None, FIELDS.read_text().splitlines()):
+        field, _, when = line.partition("  # ")
+        if line.startswith("["):
+            file = line.strip("[]")
+            texts[file] = ""
+        elif variant in _distributions(when):
+            texts[file] += f"{field}\n"
+    return texts
 
 
-def _lines(lines: list[str]) -> str:
-    return "\n".join(lines) + "\n"
+def _distributions(when: str) -> tuple[str, ...]:
+    """Those that have a field: `since NAME`, `until NAME`, or all."""
+    match when.split():
+        case ["since", name]:
+            return VARIANTS[VARIANTS.index(name) :]
+        case ["until", name]:
+            return VARIANTS[: VARIANTS.index(name) + 1]
+    return VARIANTS
 
 
 def _before(name: str, folder: Path) -> str:
@@ -130,13 +115,15 @@ def _ros() -> Path:
 
 
 def _digest(variant: str) -> str:
-    """Of this file, the variant, Python and the versions of all that the packages are built with."""
+    """Of the fields, this file, the variant, Python and the versions of all that the packages are built with."""
     wheels = sorted(path.name for name in ("ros_*", "numpy-*", "empy-*") for path in _site().glob(f"{name}.dist-info"))
-    built_with = [Path(__file__).read_text(), variant, sys.version, *wheels]
+    built_with = [Path(__file__).read_text(), FIELDS.read_text(), variant, sys.version, *wheels]
     return f"{variant}-{hashlib.sha256(repr(built_with).encode()).hexdigest()[:16]}"
 
 
 def _build(variant: str, scratch: Path) -> None:
+    parser = import_module("rosidl_parser.parser")
+    parser.parse_idl_string = cache(parser.parse_idl_string)  # type: ignore[attr-defined]  # each generator parses anew
     compilers = []
     texts = definitions(variant)
     for package in sorted({file.split("/")[0] for file in texts}):
@@ -181,7 +168,7 @@ def _compile(package: str, code: Path, prefix: Path) -> subprocess.Popen[bytes]:
     for kind in FOUND_BY_NAME:
         (prefix / "lib" / f"lib{package}__rosidl_{kind}.so").symlink_to(f"../{package}/{library.name}")
     whole = code / "rosidl_typesupport_c" / f"{package}.cc"  # one file: what costs is the headers
-    whole.write_text(_lines([f'#include "{file}"' for file in sorted(code.glob(f"*/{package}/**/*.cpp"))]))
+    whole.write_text("".join(f'#include "{file}"\n' for file in sorted(code.glob(f"*/{package}/**/*.cpp"))))
     include = [*code.iterdir(), sysconfig.get_path("include"), _site() / "numpy/_core/include", _ros() / "include"]
     include += [folder for folder in (_ros() / "include").iterdir() if not folder.name.startswith("python")]
     names = [f"{used}__rosidl_{kind}" for used in USED for kind in KINDS]
