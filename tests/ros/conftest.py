@@ -23,7 +23,9 @@ def client(shared: Any) -> Iterator[Any]:
     """A client of the node that all tests share, which plans for a rectangle in the two rooms."""
     from tests.ros.support import SQUARE, room
 
-    shared.set(footprint=SQUARE, motion_model="omnidirectional", time_limit=1.0, clearance=0.0, tolerance=0.0)
+    if shared.changed:
+        shared.set(footprint=SQUARE, motion_model="omnidirectional", time_limit=1.0)
+    shared.changed = False
     shared.show(room())
     before = len(shared.process.said())
     yield shared

@@ -47,7 +47,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
 KEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-PATIENCE = 300.0
+PATIENCE = 100.0
 """Seconds after which a test gives up waiting: many, as what is waited for never takes so long."""
 
 CORNERS = np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
@@ -111,6 +111,7 @@ class Client:
         self.caller = cache(self._caller)
         self.diagnostics = self.hear(DiagnosticArray, "/diagnostics")
         self.shown: Any = None
+        self.changed = True
 
     def _publisher(self, kind: Any, name: str) -> Any:
         made = self.node.create_publisher(kind, name, LATCHED if name == "map" else KEEP)
@@ -156,8 +157,8 @@ class Client:
 
     # What the node offers
 
-    def goal(self, goal: Any, start: Any = None, kind: Any = ComputePathToPose) -> Any:
-        """Return the handle of an accepted (or refused) goal."""
+    def send(self, goal: Any, start: Any = None, kind: Any = ComputePathToPose) -> Any:
+        """Send a goal; return the future of its handle."""
         request = kind.Goal(use_start=start is not None)
         if start is not None:
             request.start = stamped(start)
@@ -170,18 +171,26 @@ class Client:
         else:
             request.goal = stamped(goal)
         name = "compute_path_to_pose" if kind is ComputePathToPose else "compute_path_through_poses"
-        return self.wait(self.caller(kind, name).send_goal_async(request))
+        return self.caller(kind, name).send_goal_async(request)
+
+    def goal(self, *goal: Any) -> Any:
+        """Return the handle of an accepted (or refused) goal."""
+        return self.wait(self.send(*goal))
 
     def result(self, handle: Any) -> Any:
-        """Return an action's result, and its status as ``status`` beside it."""
         return self.wait(handle.get_result_async()).result
 
-    def plan(self, start: Any, goal: Any, kind: Any = ComputePathToPose) -> Any:
-        return self.result(self.goal(goal, start, kind))
+    def plan(self, start: Any, goal: Any, kind: Any = ComputePathToPose, seconds: float | None = None) -> Any:
+        """Return an action's result; None if its goal is refused, or not taken in some seconds."""
+        future = self.send(goal, start, kind)
+        end = time.monotonic() + (seconds or PATIENCE)
+        self.until(lambda: future.done() or (seconds and time.monotonic() > end))
+        return self.result(future.result()) if future.done() and future.result().accepted else None
 
     def set(self, **values: object) -> list[str]:
         """Set parameters one by one; return the reasons for which some are refused."""
         parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        self.changed = True
         answer = self.call(SetParameters, "planner_server/set_parameters", parameters=parameters)
         return [result.reason for result in answer.results if not result.successful]
 

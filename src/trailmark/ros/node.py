@@ -6,7 +6,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -48,6 +48,9 @@ HEARTBEAT = 0.1
 """Seconds between heartbeats of the bond by which nav2's lifecycle manager watches its nodes."""
 
 
+ENDED = Answer("UNKNOWN", "ended: a newer goal came, or it was cancelled, or the node deactivated")
+
+
 class _FrameError(TrailmarkError):
     """A pose that cannot be told in the map's frame."""
 
@@ -67,7 +70,8 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self.site: PlanningSite | None = None  # from configure to cleanup
         self._active = False
         self._bond: _Bond | None = None
-        self._stop = threading.Event()  # ends the goal that is planned for
+        self._beginning, self._stop = threading.Lock(), threading.Event()  # which ends the newest goal
+        self._goal = self._stop  # of the goal whose plan is followed
         self._map: OccupancyGrid | None = None
         self._obstacles: dict[tuple[str, int], list[Shape]] = {}
         self._pose: Configuration | None = None
@@ -93,6 +97,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Plan from now on."""
+        self._goal = self._begin()
         self._active = True
         if (kind := _interface("bond.msg", "Status")) is not None:
             self._bond = _Bond(self, kind)
@@ -101,8 +106,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Plan no more; maps, obstacles and poses are still taken."""
-        self._active = False
-        self._stop.set()
+        self.end_goal()
         if self._bond is not None:
             self._bond.end()
             self._bond = None
@@ -176,17 +180,18 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     # Parameters
 
-    def read_settings(self) -> Settings:
-        """Return the parameters as they are; a TrailmarkError says which is not allowed."""
-        return Settings(**{setting.name: self.get_parameter(setting.name).value for setting in fields(Settings)})
+    def read_settings(self, **changed: Any) -> Settings:
+        """Return the parameters as they are, or will be; a TrailmarkError says which is not allowed."""
+        return Settings(**{one.name: self.get_parameter(one.name).value for one in fields(Settings)} | changed)
 
     def _on_parameters(self, parameters: Sequence[Any]) -> SetParametersResult:
         values = {parameter.name: parameter.value for parameter in parameters}
         try:
             values = Settings.checked(values)
+            settings = self.read_settings(**values)
             if self.site is not None and values:
-                self.site.change_settings(replace(self.site.settings, **values))
-                self._change_map()
+                self.site.change_settings(settings)
+                self._surviving("map", self._change_map)()
                 self._follow.trigger()
         except TrailmarkError as error:
             return SetParametersResult(successful=False, reason=str(error))
@@ -195,10 +200,11 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     # Maps and obstacles
 
     def _on_map(self, message: OccupancyGrid) -> None:
+        messages.grid_map(message, 100, False)  # says what is wrong with it, configured or not
         before, self._map = self._map, message
         try:
             self._change_map()
-        except TrailmarkError:
+        except Exception:
             self._map = before
             raise
 
@@ -208,15 +214,18 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             self._change_map()
 
     def _on_obstacles(self, message: MarkerArray) -> None:
-        for marker in message.markers:
-            if marker.action == Marker.DELETEALL:
-                self._obstacles.clear()
-            elif marker.action == Marker.DELETE:
-                self._obstacles.pop((marker.ns, marker.id), None)
-            else:
-                shapes = messages.marker_shapes(marker, self._frame(marker.header.frame_id))
-                self._obstacles[marker.ns, marker.id] = shapes
+        for marker in message.markers:  # one that is none takes none of the others with it
+            self._surviving(f"obstacle {marker.ns}/{marker.id}", self._on_obstacle)(marker)
         self._change_map()
+
+    def _on_obstacle(self, marker: Marker) -> None:
+        if marker.action == Marker.DELETEALL:
+            self._obstacles.clear()
+        elif marker.action == Marker.DELETE:
+            self._obstacles.pop((marker.ns, marker.id), None)
+        else:
+            shapes = messages.marker_shapes(marker, self._frame(marker.header.frame_id))
+            self._obstacles[marker.ns, marker.id] = shapes
 
     def _change_map(self) -> None:
         """Bring the planner up to date with the newest map and obstacles."""
@@ -231,8 +240,8 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         site = self.site
         if site is not None and self._active:
             with site.planning:
-                answer = site.follow(self._here())
-                if answer is not None:
+                answer = site.follow(self._here(), self._goal.is_set)
+                if answer is not None and not self._goal.is_set():
                     self._publish(answer, site)
 
     # Where the robot is
@@ -315,11 +324,17 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     def _on_goal_pose(self, message: PoseStamped) -> None:
         self._answer(None, [message], self._begin().is_set)
 
+    def end_goal(self) -> None:
+        """End the goal that is planned for, and the ones that wait."""
+        self._active = False
+        self._stop.set()
+
     def _begin(self) -> threading.Event:
         """End the goal that is planned for, as a newer one is there; return what ends the newer one."""
-        self._stop.set()
-        self._stop = threading.Event()
-        return self._stop
+        with self._beginning:
+            self._stop.set()
+            self._stop = begun = threading.Event()
+        return begun
 
     def _answer(
         self, start: PoseStamped | None, goals: Sequence[PoseStamped], stop: Callable[[], bool], follow: bool = True
@@ -331,23 +346,42 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         site = self.site
         if site is None or not self._active:
             return Answer("UNKNOWN", "the node is not active"), Path()
-        with site.planning:
-            try:
-                if not goals:
-                    raise ConfigurationError("expected a goal, got none")
-                here = self._here() if start is None else self._in_map(start.header, start.pose)
-                if here is None:
-                    raise _FrameError("expected a start, or the robot's pose from tf, amcl_pose, initialpose or odom")
-                ends = [self._in_map(goal.header, goal.pose) for goal in goals]
-                answer = site.plan(here, ends, stop, follow)
-            except TrailmarkError as error:
-                code = "TF_ERROR" if isinstance(error, _FrameError) else "UNKNOWN" if goals else "NO_VIAPOINTS_GIVEN"
-                answer = Answer(code, str(error))
-            if not follow:
-                return answer, self._path(answer, site)
-            if answer.code != "NONE":
-                self.get_logger().warning(f"{answer.code}: {answer.message}")
-            return answer, self._publish(answer, site)
+        while not stop():
+            if site.planning.acquire(timeout=0.02):  # waiting for good, goals might take all threads
+                try:
+                    return self._planned(site, start, goals, stop, follow)
+                finally:
+                    site.planning.release()
+        return ENDED, Path()
+
+    def _planned(
+        self,
+        site: PlanningSite,
+        start: PoseStamped | None,
+        goals: Sequence[PoseStamped],
+        stop: Callable[[], bool],
+        follow: bool,
+    ) -> tuple[Answer, Path]:
+        if follow:
+            self._goal = self._stop
+        try:
+            if not goals:
+                raise ConfigurationError("expected a goal, got none")
+            here = self._here() if start is None else self._in_map(start.header, start.pose)
+            if here is None:
+                raise _FrameError("expected a start, or the robot's pose from tf, amcl_pose, initialpose or odom")
+            ends = [self._in_map(goal.header, goal.pose) for goal in goals]
+            answer = site.plan(here, ends, stop, follow)
+        except TrailmarkError as error:
+            code = "TF_ERROR" if isinstance(error, _FrameError) else "UNKNOWN" if goals else "NO_VIAPOINTS_GIVEN"
+            answer = Answer(code, str(error))
+        if answer.code == "TIMEOUT" and stop():
+            return ENDED, Path()
+        if not follow:
+            return answer, self._path(answer, site)
+        if answer.code != "NONE":
+            self.get_logger().warning(f"{answer.code}: {answer.message}")
+        return answer, self._publish(answer, site)
 
     def _is_path_valid(self, request: Any, response: Any) -> Any:
         response.is_valid = False
@@ -393,7 +427,7 @@ class _Bond:
         self._node, self._publisher = node, node.create_publisher(kind, "bond", 10)
         self._status = kind(id=node.get_name(), instance_id=uuid4().hex, active=True)
         self._status.heartbeat_period, self._status.heartbeat_timeout = HEARTBEAT, 40.0 * HEARTBEAT
-        self._timer = node.create_timer(HEARTBEAT, self._beat)
+        self._timer = node.create_timer(HEARTBEAT, self._beat, MutuallyExclusiveCallbackGroup())
 
     def _beat(self) -> None:
         self._status.header.stamp = self._node.get_clock().now().to_msg()
@@ -414,18 +448,19 @@ def run(args: list[str]) -> None:
         rclpy.init(args=args)
     except Exception as error:  # rclpy's own, and those of its C layer, have no common class
         raise ConfigurationError(f"trailmark ros: {error}") from None
+    node = PlannerServer()
     try:
-        node = PlannerServer()
         executor = MultiThreadedExecutor(THREADS)
         executor.add_node(node)
         if node.get_parameter("autostart").value is not False:
-            node.read_settings()
+            _ = node.read_settings().robot
             node.trigger_configure()
             node.trigger_activate()
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
+        node.end_goal()  # its thread is waited for
         rclpy.try_shutdown()
 
 

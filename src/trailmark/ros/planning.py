@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
@@ -25,8 +26,11 @@ Pose = tuple[float, float, float]
 REPLANNING = 0.2
 """Seconds at most to lead a path around what changed; after that it is planned anew, which can be cancelled."""
 
-REVISIONS = 10
-"""Times at most that a plan is looked at again because the map changed while it was made."""
+LEAST = 1e-3
+"""Seconds for a leg for which no time is left."""
+
+REVISIONS = 4
+"""Times at most that a plan is made because the map changed meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +168,7 @@ class PlanningSite:
 
     def change_settings(self, settings: Settings) -> None:
         """Plan with other settings from now on; where no planner can be made of them all stays as it was."""
+        _ = settings.robot
         with self._changing:
             if self.planner is not None:
                 self.planner = _planner(replace(self.planner.world, zones=settings.zones), settings)
@@ -179,24 +184,26 @@ class PlanningSite:
         ``stop`` is asked whether to end early, as if the time were up.
         """
         begin = perf_counter()
+        self._deadline = begin + self.settings.time_limit
         asked = (self._version, start, tuple(goals))
         if self._last is not None and self._last[0] == asked:
             return replace(self._last[1], seconds=perf_counter() - begin)
         same = tuple(leg.goal for leg in self.followed) == tuple(goals)
         known = self.followed if same else ()
-        for _ in range(REVISIONS):
-            version = self._version
-            answer = self._through(start, goals, known, stop)
-            known = answer.legs
+        for left in reversed(range(REVISIONS)):
+            with nullcontext() if left else self._changing:  # the last time no map changes meanwhile
+                version = self._version
+                answer = self._through(start, goals, known, stop)
+            known = answer.legs or known
             if version == self._version:
                 break
         if follow and answer.code == "NONE":
             self.followed, self._last = answer.legs, ((version, *asked[1:]), answer)
         elif follow and not same:
-            self.followed = ()  # that of the same goals may become free again
+            self.followed, self._last = (), None  # that of the same goals may become free again
         return replace(answer, seconds=perf_counter() - begin)
 
-    def follow(self, here: Pose | None) -> Answer | None:
+    def follow(self, here: Pose | None, stop: Callable[[], bool] = lambda: False) -> Answer | None:
         """Return what becomes of the plan that is followed after the map changed; None if there is nothing to do.
 
         The robot is ``here``, or where it is not known, at the plan's start.
@@ -208,7 +215,7 @@ class PlanningSite:
         else:
             away = [np.hypot(*(leg.path.resample(0.1).states[:, :2] - here[:2]).T).min() for leg in self.followed]
             self.followed = self.followed[int(np.argmin(away)) :]  # goals before the nearest leg are reached
-        return self.plan(here, [leg.goal for leg in self.followed])
+        return self.plan(here, [leg.goal for leg in self.followed], stop)
 
     def invalid_poses(self, states: se2.FloatArray, here: Pose | None) -> list[int]:
         """Return the indices of the states, shape (n, 3), at which a path begins to collide; empty if it is free.
@@ -272,7 +279,8 @@ class PlanningSite:
         def enough() -> bool:
             return stop() or (first is not None and perf_counter() - first >= own.improvement_time)
 
-        return planner.plan(start, end, own.time_limit, on_progress=look, stop=enough)
+        time_limit = max(self._deadline - perf_counter(), LEAST)
+        return planner.plan(start, end, time_limit, on_progress=look, stop=enough)
 
 
 def _planner(world: World, own: Settings) -> LandmarkPlanner:

@@ -48,7 +48,8 @@ class Settings:
     def __post_init__(self) -> None:
         for name, value in self.checked(vars(self)).items():
             object.__setattr__(self, name, value)
-        _ = self.robot, self.zones, self.planner_objective  # says what is wrong with them
+        if self.footprint or self.robot_radius:  # else it must be set before it is configured
+            _ = self.robot, self.zones, self.planner_objective  # says what is wrong with them
 
     @classmethod
     def checked(cls, values: Mapping[str, Any]) -> dict[str, Any]:
