@@ -47,11 +47,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
 KEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-PATIENCE = 100.0
+PATIENCE = 60.0
 """Seconds after which a test gives up waiting: many, as what is waited for never takes so long."""
 
 CORNERS = np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
 SQUARE = str(CORNERS.tolist())
+LONG = "[[-1.2, -0.2], [1.2, -0.2], [1.2, 0.2], [-1.2, 0.2]]"
+"""A robot that does not get around the corners of `bends`, which takes many seconds to prove."""
+FROM, TO = (4.0, 1.6, 0.0), (4.0, 10.4, 0.0)
 NUMBERS = count()
 
 
@@ -262,6 +265,12 @@ def room() -> NDArray[np.bool_]:
     cells[[0, -1]] = cells[:, [0, -1]] = True
     cells[:, 98:102] = True
     cells[18:34, 98:102] = cells[90:100, 98:102] = False
+    return cells
+
+
+def bends() -> NDArray[np.bool_]:
+    cells = np.ones((120, 200), np.bool_)
+    cells[10:22, 10:190] = cells[10:110, 178:190] = cells[98:110, 10:190] = False
     return cells
 
 

@@ -11,8 +11,12 @@ import pytest
 from numpy.typing import NDArray
 from tests.ros.support import (
     CORNERS,
+    FROM,
+    LONG,
     SQUARE,
+    TO,
     Client,
+    bends,
     collides,
     facts,
     filled,
@@ -38,16 +42,6 @@ pytestmark = pytest.mark.slow
 
 HERE, THERE = (2.0, 2.0, 0.3), (17.0, 10.0, -1.2)
 SECONDS = float(os.environ.get("TRAILMARK_ROS_SECONDS", "6"))
-LONG = "[[-1.2, -0.2], [1.2, -0.2], [1.2, 0.2], [-1.2, 0.2]]"
-"""A robot that does not get around the corners of `bends`, which takes many seconds to prove."""
-
-
-def bends() -> NDArray[np.bool_]:
-    cells = np.ones((120, 200), np.bool_)
-    cells[10:22, 10:190] = cells[10:110, 178:190] = cells[98:110, 10:190] = False
-    return cells
-
-
 @pytest.fixture
 def puzzled(client: Client) -> Client:
     """A client whose node may search for two minutes."""
@@ -56,7 +50,6 @@ def puzzled(client: Client) -> Client:
     return client
 
 
-FROM, TO = (4.0, 1.6, 0.0), (4.0, 10.4, 0.0)
 EASY = (8.0, 1.6, 0.0)
 
 
@@ -71,11 +64,11 @@ def test_a_newer_goal_ends_the_older_one(puzzled: Client) -> None:
     assert np.allclose(states(paths[-1])[-1], EASY)
 
 
-def test_of_a_dozen_goals_at_once_the_last_is_planned(puzzled: Client) -> None:
+def test_of_eight_goals_at_once_the_last_is_planned(puzzled: Client) -> None:
     """They are more than the node has threads."""
-    futures = [puzzled.send(TO, FROM) for _ in range(11)] + [puzzled.send(EASY, FROM)]
+    futures = [puzzled.send(TO, FROM) for _ in range(7)] + [puzzled.send(EASY, FROM)]
     results = [puzzled.result(puzzled.wait(future)) for future in futures]
-    assert [result.error_code for result in results[:-1]] == [200] * 11
+    assert [result.error_code for result in results[:-1]] == [200] * 7
     assert results[-1].error_code == 0, results[-1].error_msg
 
 
@@ -220,7 +213,8 @@ def test_garbage_for_poses_is_refused_and_the_node_lives(client: Client) -> None
         odometry = Odometry(header=pose.header)
         odometry.pose.pose = pose.pose
         client.publish("odom", odometry)
-        assert not client.call(IsPathValid, "is_path_valid", path=Path(poses=[stamped(HERE), pose])).is_valid or pose.header.frame_id == "elsewhere"
+        path = Path(header=pose.header, poses=[stamped(HERE), pose])
+        assert not client.call(IsPathValid, "is_path_valid", path=path).is_valid
     assert client.plan(HERE, THERE).error_code == 0
 
 
@@ -254,7 +248,8 @@ def test_maps_of_one_cell_and_of_sixteen_million(client: Client) -> None:
     client.show(np.zeros((1, 1), np.bool_), 10.0)
     assert client.plan((2.0, 2.0, 0.0), (8.0, 8.0, 1.0)).error_code == 0
     cells = np.zeros((4000, 4000), np.bool_)
-    cells[[0, -1]] = cells[:, [0, -1]] = cells[:3500, 2000] = True
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[:600, 2000] = True
+    assert client.set(time_limit=20.0) == []
     client.show(cells, 0.05)
     result = client.plan((10.0, 10.0, 0.0), (190.0, 10.0, 1.0))
     assert result.error_code == 0, result.error_msg

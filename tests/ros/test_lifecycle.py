@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import signal
+import time
 from itertools import product
 
 import pytest
-from tests.ros.support import CORNERS, SQUARE, Client, collides, filled, grid, name_space, room, running, states
+from tests.ros.support import CORNERS, FROM, LONG, SQUARE, TO, Client, bends, collides, filled, grid, name_space, room, running, states
 
 from bond.msg import Status  # isort: skip
 from lifecycle_msgs.msg import Transition  # isort: skip
@@ -90,13 +91,23 @@ def test_a_node_that_was_killed_gets_the_map_again_and_plans() -> None:
 
 
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_without_a_traceback(sign: int) -> None:
+def test_a_signal_ends_it_without_a_traceback_while_it_plans(sign: int) -> None:
     space = name_space()
-    with running(space, footprint=f"'{SQUARE}'") as node:
+    with running(space, footprint=f"'{LONG}'", time_limit=600.0) as node:
         client = Client(space)
-        client.show(room())
-        assert node.end(sign) in (0, 130, -sign)
-        assert "Traceback" not in node.said()
+        client.show(bends())
+        assert client.goal(TO, FROM).accepted
+        client.spin(0.5)
+        assert node.end(sign) in (0, 130)
+        assert "Traceback" not in node.said(), node.said()
+
+
+def test_a_signal_ends_it_without_a_traceback_while_it_starts() -> None:
+    for delay in (1.2, 1.8, 2.4, 3.0, 3.6):
+        with running(name_space(), footprint=f"'{SQUARE}'") as node:
+            time.sleep(delay)
+            assert node.end(signal.SIGINT if delay in (1.2, 2.4) else signal.SIGTERM) in (0, 130, -signal.SIGTERM)
+            assert "Traceback" not in node.said(), (delay, node.said())
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,9 @@ __all__ = [
     "swept_footprint",
 ]
 
+LEAST = 1e-6
+"""Metres: the smallest cell of a map."""
+
 UNIT = 0.01
 """By which a quaternion's norm may be off 1, as nav2 allows."""
 
@@ -52,8 +55,8 @@ def grid_map(message: OccupancyGrid, threshold: int, allow_unknown: bool) -> Gri
     if not info.width * info.height == len(message.data) > 0:
         got = f"{len(message.data)} of {info.width} x {info.height}"
         raise WorldError(f"map: expected at least one cell and as many as its size says, got {got}")
-    if not (math.isfinite(info.resolution) and info.resolution > 0.0):
-        raise WorldError(f"map: expected a resolution above 0, got {info.resolution:g}")
+    if not LEAST <= info.resolution <= 1e6:
+        raise WorldError(f"map: expected a resolution of {LEAST:g} to 1e+06 m, got {info.resolution:g}")
     cells = np.frombuffer(message.data, np.int8).reshape(info.height, info.width)
     stamp = message.header.stamp.sec, message.header.stamp.nanosec
     occupied = (cells >= threshold) | ((cells < 0) & (not allow_unknown))

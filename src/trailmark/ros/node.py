@@ -122,9 +122,9 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _offer(self) -> None:
         """Create publishers, subscriptions, services and actions, which do nothing until the node is active."""
-        planning, (maps, follow, poses, service) = (
+        planning, (maps, follow, poses, service, accepting) = (
             ReentrantCallbackGroup(),
-            (MutuallyExclusiveCallbackGroup() for _ in "1234"),
+            (MutuallyExclusiveCallbackGroup() for _ in "12345"),
         )
 
         def subscribe(kind: Any, name: str, call: Callable[[Any], None], group: Any, qos: Any = 10) -> None:
@@ -158,9 +158,10 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
                 self,
                 kind,
                 f"compute_path_{name}",
-                partial(self._execute, kind),
-                callback_group=planning,
+                self._execute,
+                callback_group=accepting,
                 goal_callback=lambda _: GoalResponse.ACCEPT if self._active else GoalResponse.REJECT,
+                handle_accepted_callback=partial(self._on_accepted, kind),
                 cancel_callback=lambda _: CancelResponse.ACCEPT,
             )
 
@@ -292,10 +293,13 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     # Plans
 
-    def _execute(self, kind: Any, handle: Any) -> Any:
+    def _on_accepted(self, kind: Any, handle: Any) -> None:
+        """Begin a goal: one after the other, in the order in which they came."""
+        handle.execute(partial(self._execute, kind, self._begin()))
+
+    def _execute(self, kind: Any, newer: threading.Event, handle: Any) -> Any:
         """Answer a goal of an action of either kind."""
         request, goals = handle.request, getattr(handle.request, "goals", None)
-        newer = self._begin()
         answer, path = self._answer(
             request.start if request.use_start else None,
             [request.goal] if goals is None else getattr(goals, "goals", goals),  # nav_msgs/Goals since Kilted

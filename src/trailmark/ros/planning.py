@@ -69,6 +69,7 @@ class GridMap:
             # A connected part of the shape in a row of cells reaches into all from its left to its right end.
             strips = shapely.box(-1.0, row, columns + 1.0, row + 1.0)
             parts, which = shapely.get_parts(shapely.intersection(body, strips), return_index=True)
+            parts, which = parts[~shapely.is_empty(parts)], which[~shapely.is_empty(parts)]
             left, _, right, _ = shapely.bounds(parts).T
             for i, a, b in zip(row[which], np.floor(left), np.ceil(right), strict=True):
                 occupied[i, max(0, int(a)) : max(0, int(b))] = True
@@ -279,7 +280,7 @@ class PlanningSite:
         def enough() -> bool:
             return stop() or (first is not None and perf_counter() - first >= own.improvement_time)
 
-        time_limit = max(self._deadline - perf_counter(), LEAST)
+        time_limit = max(round(self._deadline - perf_counter(), 3), LEAST)
         return planner.plan(start, end, time_limit, on_progress=look, stop=enough)
 
 
