@@ -29,6 +29,7 @@ from tests.ros.support import (
 )
 
 from action_msgs.msg import GoalStatus  # isort: skip
+from builtin_interfaces.msg import Time  # isort: skip
 from diagnostic_msgs.msg import DiagnosticArray  # isort: skip
 from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped  # isort: skip
 from map_msgs.msg import OccupancyGridUpdate  # isort: skip
@@ -233,7 +234,13 @@ def test_garbage_for_maps_is_refused_and_the_map_before_it_stays(client: Client)
         client.spin(0.05)
     for x, y, width, height, n in ((190, 0, 20, 1, 20), (-1, 0, 1, 1, 1), (0, 119, 1, 2, 2), (0, 0, 2, 2, 3), (0, 0, 2**32 - 1, 1, 1)):
         update = OccupancyGridUpdate(x=x, y=y, width=width, height=height)
+        update.header.stamp = client.now()
         update.data.frombytes(bytes([100] * n))
+        client.publish("map_updates", update)
+    for stamp, frame in ((client.now(), "elsewhere"), (Time(sec=5), "map")):  # the map is newer
+        update = OccupancyGridUpdate(width=200, height=120)
+        update.header.stamp, update.header.frame_id = stamp, frame
+        update.data.frombytes(bytes([0] * 24000))
         client.publish("map_updates", update)
     client.spin(0.3)
     result = client.plan(HERE, THERE)

@@ -8,6 +8,8 @@ from trailmark.ros import main
 if __name__ == "__main__":
     try:
         main(sys.argv[1:])
+    except KeyboardInterrupt:
+        sys.exit(130)
     except TrailmarkError as error:
         sys.stderr.write(f"trailmark: error: {error}\n")
         sys.exit(2)

@@ -66,6 +66,10 @@ def grid_map(message: OccupancyGrid, threshold: int, allow_unknown: bool) -> Gri
 def patched(message: OccupancyGrid, update: Any) -> None:
     """Write a ``map_msgs/OccupancyGridUpdate`` into the grid that it is of."""
     width, height = message.info.width, message.info.height
+    new, old = ((at.header.stamp.sec, at.header.stamp.nanosec) for at in (update, message))
+    if new < old or update.header.frame_id not in ("", message.header.frame_id):  # topics may overtake each other
+        got = f"{new[0]}.{new[1]:09d} in {update.header.frame_id!r}"
+        raise WorldError(f"map update: expected {message.header.frame_id!r}, no older than the map, got {got}")
     inside = 0 <= update.x <= width - update.width and 0 <= update.y <= height - update.height
     if not inside or len(update.data) != update.width * update.height:
         got = f"{len(update.data)} cells, {update.width} x {update.height} at ({update.x}, {update.y})"

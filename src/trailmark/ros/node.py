@@ -305,6 +305,8 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             [request.goal] if goals is None else getattr(goals, "goals", goals),  # nav_msgs/Goals since Kilted
             lambda: newer.is_set() or handle.is_cancel_requested,
         )
+        if not rclpy.ok():
+            raise SystemExit  # a signal came, and nobody can be told
         result = kind.Result()
         result.planning_time = Duration(seconds=answer.seconds).to_msg()
         if hasattr(result, "error_code"):  # not in Humble
