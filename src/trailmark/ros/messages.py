@@ -128,9 +128,9 @@ def _pose(x: float, y: float, theta: float) -> Pose:
 
 def roadmap_markers(graph: Any, header: Header) -> tuple[MarkerArray, MarkerArray]:
     """Return the roadmap's certified edges as lines, and its landmarks as points."""
-    places = {node: _point(*data["state"][:2]) for node, data in graph.nodes(data=True)}
+    places = {node: _point(*data["configuration"][:2]) for node, data in graph.nodes(data=True)}
     edges = _marker(header, Marker.LINE_LIST, 0.01, (0.4, 0.5, 0.6, 0.5))
-    edges.points = [places[node] for edge in graph.edges for node in edge[:2]]
+    edges.points = [places[node] for *edge, free in graph.edges(data="certified") if free for node in edge]
     landmarks = _marker(header, Marker.POINTS, 0.06, (0.1, 0.4, 0.8, 1.0))
     landmarks.points = list(places.values())
     return MarkerArray(markers=[edges]), MarkerArray(markers=[landmarks])
