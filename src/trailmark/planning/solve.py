@@ -50,12 +50,15 @@ def solve(query: Query, bound: AnyBound | None, known_path: FloatArray | None = 
         if known_path is not None:
             query.take(known_path)
         query.take_known(lookup.search_free_edges())
-        if isinstance(bound, LowerBound) and shortest_grid_path(query, bound.tangents):
-            return answer(query, lookup, needless=False)
         known = query.solved
         if not known and lattices is not None:
+            # The smallest search of all: in a large grid map a first path comes long before the shortest.
+            search_lattices(lattices, 1, query, lookup, proofs)
+        if isinstance(bound, LowerBound) and shortest_grid_path(query, bound.tangents):
+            return answer(query, lookup, needless=False)
+        if not query.solved and lattices is not None:
             query.report("looking for a first path")
-            search_lattices(lattices, AT_FIRST, query, lookup, proofs)
+            search_lattices(lattices, AT_FIRST - 1, query, lookup, proofs)
         if not time_for_relaxed_problem(query, lattices, lookup, proofs):
             return answer(query, lookup)
         begin = perf_counter()
