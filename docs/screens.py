@@ -53,7 +53,7 @@ def messages(folder: Path) -> None:
     large = folder / "ros2.png"
     subprocess.run([sys.executable, ROOT / "examples" / "ros2_planner.py", large], check=True, cwd=ROOT)
     with Image.open(large) as picture:
-        few = picture.convert("RGB").quantize(48, dither=Image.Dither.NONE)
+        few = picture.convert("RGB").quantize(96, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     few.save(PICTURES / "ros2.png", optimize=True)
 
 

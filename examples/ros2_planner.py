@@ -107,17 +107,22 @@ def sent(publisher: Any, message: Any, what: str) -> list[tuple[float, float]]:
     return [(stamped.pose.position.x, stamped.pose.position.y) for stamped in heard["plan"].poses]
 
 
+def planned(start: PoseStamped, goal: PoseStamped) -> Path:
+    """Call the service until it has a plan, for which it needs the map and, without a start, the robot's pose."""
+    answer = GetPlan.Response()
+    while not answer.plan.poses:
+        future = plans.call_async(GetPlan.Request(start=start, goal=goal))
+        wait(future.done, 600.0)
+        answer = future.result()
+    return answer.plan
+
+
 # %%
-# A service that other programs call. The node compiles at a machine's first use; it answers once it has the map.
+# A service that other programs call, with a start of their own. At a machine's first use the node compiles before.
 query, other = world.query("dock"), world.query("pick")
 maps.publish(grid)
 wait(plans.service_is_ready)
-answer = GetPlan.Response()
-while not answer.plan.poses:
-    future = plans.call_async(GetPlan.Request(start=pose(*other.start), goal=pose(*other.pose())))
-    wait(future.done, 600.0)
-    answer = future.result()
-print(f"get_plan: {len(answer.plan.poses)} poses")
+print(f"get_plan: {len(planned(pose(*other.start), pose(*other.pose())).poses)} poses")
 
 # %%
 # RViz's tools: "2D Pose Estimate" says where the robot is, "2D Goal Pose" where it is to go.
@@ -125,7 +130,7 @@ wait(lambda: all(topic.get_subscription_count() for topic in (poses, goals, obst
 start = PoseWithCovarianceStamped(header=grid.header)
 start.pose.pose = pose(*query.start).pose
 poses.publish(start)
-wait(partial(plans.wait_for_service, 1.0))
+planned(PoseStamped(), pose(*query.pose()))
 positions = first = sent(goals, pose(*query.pose()), "goal")
 
 # %%
