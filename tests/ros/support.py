@@ -217,7 +217,7 @@ class Client:
             self.shown = deepcopy(message)
             message.header.stamp = self.now()
             self.publish("map", message)
-            self.until(lambda: self.map_stamp() == "{0.sec}.{0.nanosec:09d}".format(message.header.stamp))
+            self.until(lambda: self.map_stamp() == f"{message.header.stamp.sec}.{message.header.stamp.nanosec:09d}")
 
     def map_stamp(self) -> str:
         """Return the stamp of the map that the node plans in."""

@@ -43,6 +43,8 @@ pytestmark = pytest.mark.slow
 
 HERE, THERE = (2.0, 2.0, 0.3), (17.0, 10.0, -1.2)
 SECONDS = float(os.environ.get("TRAILMARK_ROS_SECONDS", "6"))
+
+
 @pytest.fixture
 def puzzled(client: Client) -> Client:
     """A client whose node may search for two minutes."""
@@ -205,7 +207,10 @@ def test_garbage_for_poses_is_refused_and_the_node_lives(client: Client) -> None
         for start, goal in ((pose, THERE), (HERE, pose)):
             assert client.plan(start, goal).error_code != 0
             assert client.plan(start, [goal, HERE], ComputePathThroughPoses).error_code != 0
-            assert not client.call(GetPlan, "get_plan", start=stamped(start), goal=stamped(goal)).plan.poses or start is pose
+            assert (
+                not client.call(GetPlan, "get_plan", start=stamped(start), goal=stamped(goal)).plan.poses
+                or start is pose
+            )
         client.publish("goal_pose", pose)
         told = PoseWithCovarianceStamped(header=pose.header)
         told.pose.pose = pose.pose
@@ -232,7 +237,13 @@ def test_garbage_for_maps_is_refused_and_the_map_before_it_stays(client: Client)
     for message in [*wrong, flat]:
         client.publish("map", message)
         client.spin(0.05)
-    for x, y, width, height, n in ((190, 0, 20, 1, 20), (-1, 0, 1, 1, 1), (0, 119, 1, 2, 2), (0, 0, 2, 2, 3), (0, 0, 2**32 - 1, 1, 1)):
+    for x, y, width, height, n in (
+        (190, 0, 20, 1, 20),
+        (-1, 0, 1, 1, 1),
+        (0, 119, 1, 2, 2),
+        (0, 0, 2, 2, 3),
+        (0, 0, 2**32 - 1, 1, 1),
+    ):
         update = OccupancyGridUpdate(x=x, y=y, width=width, height=height)
         update.header.stamp = client.now()
         update.data.frombytes(bytes([100] * n))

@@ -7,7 +7,22 @@ import time
 from itertools import product
 
 import pytest
-from tests.ros.support import CORNERS, FROM, LONG, SQUARE, TO, Client, bends, collides, filled, grid, name_space, room, running, states
+from tests.ros.support import (
+    CORNERS,
+    FROM,
+    LONG,
+    SQUARE,
+    TO,
+    Client,
+    bends,
+    collides,
+    filled,
+    grid,
+    name_space,
+    room,
+    running,
+    states,
+)
 
 from bond.msg import Status  # isort: skip
 from lifecycle_msgs.msg import Transition  # isort: skip
@@ -33,7 +48,8 @@ def test_transitions_in_every_order_do_what_the_standard_says() -> None:
         beats = client.hear(Status, "bond")
         state = client.state()
         assert state == "unconfigured"
-        orders = [CONFIGURE, ACTIVATE, *(one for pair in product([CLEANUP, CONFIGURE, ACTIVATE, DEACTIVATE], repeat=2) for one in pair)]
+        pairs = product([CLEANUP, CONFIGURE, ACTIVATE, DEACTIVATE], repeat=2)
+        orders = [CONFIGURE, ACTIVATE, *(one for pair in pairs for one in pair)]
         for transition in orders:
             after = ALLOWED.get((state, transition))
             assert client.change(transition) == (after is not None), (state, transition)
@@ -48,7 +64,9 @@ def test_transitions_in_every_order_do_what_the_standard_says() -> None:
         assert client.plan(HERE, THERE).error_code == 0
         beats.clear()
         client.until(lambda: len(beats) > 3)
-        assert {(beat.id, beat.active, beat.instance_id) for beat in beats} == {("planner_server", True, beats[0].instance_id)}
+        assert {(beat.id, beat.active, beat.instance_id) for beat in beats} == {
+            ("planner_server", True, beats[0].instance_id)
+        }
         assert client.change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
         assert client.state() == "finalized"
         client.until(lambda: not beats[-1].active)
@@ -112,7 +130,12 @@ def test_a_signal_ends_it_without_a_traceback_while_it_starts() -> None:
 
 @pytest.mark.parametrize(
     ("parameters", "reason"),
-    [({}, "footprint"), ({"footprint": "round"}, "round"), ({"robot_radius": -1.0}, "robot_radius"), ({"robot_radius": 1, "zones_file": "none.yaml"}, "none.yaml")],
+    [
+        ({}, "footprint"),
+        ({"footprint": "round"}, "round"),
+        ({"robot_radius": -1.0}, "robot_radius"),
+        ({"robot_radius": 1, "zones_file": "none.yaml"}, "none.yaml"),
+    ],
 )
 def test_a_node_that_cannot_start_says_why_in_one_line(parameters: dict[str, object], reason: str) -> None:
     with running(name_space(), **parameters) as node:

@@ -227,7 +227,9 @@ def test_who_subscribes_sees_roadmap_landmarks_and_footprints(client: Any) -> No
     assert {(p.x, p.y) for p in edges.points} <= {(p.x, p.y) for p in landmarks.points}
     assert len(swept.points) == len(path.poses) * 2 * len(CORNERS)
     lines = np.array([(p.x, p.y) for p in swept.points]).reshape(-1, 2, 2)
-    assert np.allclose(lines[0, 0], HERE[:2] + np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]]) @ CORNERS[0])
+    assert np.allclose(
+        lines[0, 0], HERE[:2] + np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]]) @ CORNERS[0]
+    )
 
 
 WRONG: list[tuple[str, Any, str]] = [

@@ -137,7 +137,7 @@ def roadmap_markers(graph: Any, header: Header) -> tuple[MarkerArray, MarkerArra
     """Return the roadmap's certified edges as lines, and its landmarks as points."""
     places = {node: _point(*data["configuration"][:2]) for node, data in graph.nodes(data=True)}
     edges = _marker(header, Marker.LINE_LIST, 0.01, (0.4, 0.5, 0.6, 0.5))
-    edges.points = [places[n] for *edge, free in graph.edges(data="certified") if free for n in edge]
+    edges.points = [places[node] for *edge, free in graph.edges(data="certified") if free for node in edge]
     landmarks = _marker(header, Marker.POINTS, 0.06, (0.1, 0.4, 0.8, 1.0))
     landmarks.points = list(places.values())
     return MarkerArray(markers=[edges]), MarkerArray(markers=[landmarks])

@@ -26,8 +26,6 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.errors import ConfigurationError
-from trailmark.planning.error_report import report_error
-from trailmark.planning.proofs.cell_check import free_somewhere
 from trailmark.planning.proofs.cell_core import core, discs, pivot
 from trailmark.planning.proofs.cell_search import meets
 from trailmark.planning.proofs.cells import LEVEL, LEVELS, Division, I, J, K
@@ -69,12 +67,16 @@ class Enclosure(NamedTuple):
         centers: of the cells, (x, y) of the pivot and heading, shape (n, 3).
         extents: half of what the cells extend over, shape (n, 3).
         pivot: the point of the robot, in its own frame, whose place is told, shape (2,).
+        rim_centers: of the blocked cells around them, in none of which the robot is free anywhere, shape (m, 3).
+        rim_extents: half of what those extend over, shape (m, 3).
     """
 
     end: int
     centers: se2.FloatArray
     extents: se2.FloatArray
     pivot: se2.FloatArray
+    rim_centers: se2.FloatArray
+    rim_extents: se2.FloatArray
 
 
 def enclosed(
@@ -142,13 +144,8 @@ def enclosure(
                 leads, rim, reached = meets(*space.parts, division, floods[n], finest)
                 if leads:
                     return None
-                boxes = space.boxes(floods[n], rim)
-                if free_somewhere(checker.world, checker.robot, *boxes, lambda: perf_counter() >= deadline):
-                    problem = "cells that shut the robot in hold a configuration that is free"
-                    report_error(problem, checker.world, checker.robot, *states)
-                    return None
-                # What nobody had the time to look at again is not told.
-                return Enclosure(n, *space.boxes(floods[n], reached)) if perf_counter() < deadline else None
+                centers, extents, pivot = space.boxes(floods[n], reached)
+                return Enclosure(n, centers, extents, pivot, *space.boxes(floods[n], rim)[:2])
             # Where one comes to the other end, the other comes too: on to smaller cells.
             n = 1 - n
     return None

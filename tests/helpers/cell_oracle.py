@@ -7,7 +7,6 @@ there is free. What is not settled so is divided, and with it the centres grow d
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -28,7 +27,7 @@ MOST = 200_000
 """Cells that are looked at: a second or two, if it comes to that."""
 
 BATCH = 2_000
-"""Cells between two looks at the clock: some ten milliseconds."""
+"""Cells that are looked at together."""
 
 HEADINGS = 17
 """Headings of a box at which the robot, eroded by how far it moves from one to the next, is intersected with itself."""
@@ -42,7 +41,6 @@ def free_somewhere(
     middle: FloatArray,
     extent: FloatArray,
     pivot: FloatArray,
-    stop: Callable[[], bool] = lambda: False,
 ) -> bool:
     """Return whether a configuration in one of the boxes is found at which the robot meets nothing.
 
@@ -52,7 +50,6 @@ def free_somewhere(
         middle: of each box: place of the pivot (metres) and heading (radians), shape (n, 3).
         extent: half the box's edges, those along x and y alike, shape (n, 3).
         pivot: in the robot's frame, shape (2,).
-        stop: asked every few milliseconds whether to end; nothing is found then.
     """
     space = _Space(world, robot.clearance)
     outline = np.asarray(robot.outline.rings()[0]) - pivot
@@ -68,7 +65,7 @@ def free_somewhere(
             for first in range(0, len(boxes), BATCH):
                 of = boxes[first : first + BATCH]
                 left -= len(of)
-                if left < 0 or stop():
+                if left < 0:
                     return False
                 # Where what the robot covers throughout meets something, so does the robot at the centre.
                 for ring in core:

