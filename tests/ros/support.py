@@ -104,6 +104,8 @@ def running(space: str, *arguments: str, **parameters: object) -> Iterator[Runni
 class Client:
     """What is beside the node on a robot; it waits for answers by spinning."""
 
+    process: Running
+
     def __init__(self, space: str) -> None:
         if not rclpy.ok():
             rclpy.init()
@@ -208,7 +210,7 @@ class Client:
         return str(self.call(GetState, "planner_server/get_state").current_state.label)
 
     def publish(self, name: str, message: Any) -> None:
-        self.publisher(type(message), name).publish(message)
+        self.publisher(message.__class__, name).publish(message)
 
     def show(self, occupied: NDArray[Any], resolution: float = 0.1, origin: Any = (0.0, 0.0, 0.0)) -> None:
         """Publish a map, and wait until the node plans in it."""
@@ -301,7 +303,7 @@ def collides(
     """Return whether a footprint (corners, or a disc's radius) meets an occupied cell or leaves the map, by shapely."""
     x, y, yaw = origin
     poses = path if isinstance(path, np.ndarray) else states(path)
-    if np.isscalar(footprint):
+    if isinstance(footprint, float):
         footprint = shapely.Point(0, 0).buffer(footprint - 1e-6, 32).exterior.coords[:-1]
     corners = np.asarray(footprint, float)
     cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
