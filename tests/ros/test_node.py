@@ -79,6 +79,7 @@ def test_a_path_can_be_driven(client: Any, model: str) -> None:
     path = states(result.path)
     assert np.allclose(path[[0, -1]], [HERE, THERE])
     assert not collides(path, room(), CORNERS)
+    assert client.call(IsPathValid, "is_path_valid", path=result.path).is_valid
     move, turn = np.diff(path[:, :2], axis=0), turned(np.diff(path[:, 2]))
     heading = path[:-1, 2] + 0.5 * turn
     along = (move * np.column_stack([np.cos(heading), np.sin(heading)])).sum(1)

@@ -387,6 +387,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             return answer, self._path(answer, site)
         if answer.code != "NONE":
             self.get_logger().warning(f"{answer.code}: {answer.message}")
+            self._follow.trigger()  # a plan that is followed still may have made way for this goal
         return answer, self._publish(answer, site)
 
     def _is_path_valid(self, request: Any, response: Any) -> Any:
