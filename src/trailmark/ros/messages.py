@@ -31,8 +31,8 @@ __all__ = [
     "swept_footprint",
 ]
 
-LEAST = 1e-6
-"""Metres: the smallest cell of a map."""
+LEAST, MOST = 1e-6, 1e7
+"""Metres: the smallest cell of a map, and the farthest."""
 
 UNIT = 0.01
 """By which a quaternion's norm may be off 1, as nav2 allows."""
@@ -55,12 +55,15 @@ def grid_map(message: OccupancyGrid, threshold: int, allow_unknown: bool) -> Gri
     if not info.width * info.height == len(message.data) > 0:
         got = f"{len(message.data)} of {info.width} x {info.height}"
         raise WorldError(f"map: expected at least one cell and as many as its size says, got {got}")
-    if not LEAST <= info.resolution <= 1e6:
-        raise WorldError(f"map: expected a resolution of {LEAST:g} to 1e+06 m, got {info.resolution:g}")
+    x, y, _ = origin = configuration(info.origin)
+    reach = max(abs(x), abs(y)) + info.resolution * (info.width + info.height)
+    if not (info.resolution >= LEAST and reach <= MOST):
+        got = f"{info.resolution:g} and {reach:g}"
+        raise WorldError(f"map: expected cells of at least {LEAST:g} m and coordinates up to {MOST:g} m, got {got}")
     cells = np.frombuffer(message.data, np.int8).reshape(info.height, info.width)
     stamp = message.header.stamp.sec, message.header.stamp.nanosec
     occupied = (cells >= threshold) | ((cells < 0) & (not allow_unknown))
-    return GridMap(occupied, info.resolution, configuration(info.origin), message.header.frame_id, stamp)
+    return GridMap(occupied, info.resolution, origin, message.header.frame_id, stamp)
 
 
 def patched(message: OccupancyGrid, update: Any) -> None:

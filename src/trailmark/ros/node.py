@@ -41,8 +41,8 @@ __all__ = ["PlannerServer", "run"]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
 """Of maps and plans: who comes late gets the newest."""
 
-THREADS = 6
-"""Of the executor: planning, following, a map, a service, an interrupted goal, and one to spare."""
+THREADS = 7
+"""Of the executor: planning, following, a map and its change, a service, an interrupted goal, and one to spare."""
 
 HEARTBEAT = 0.1
 """Seconds between heartbeats of the bond by which nav2's lifecycle manager watches its nodes."""
@@ -72,6 +72,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._bond: _Bond | None = None
         self._beginning, self._stop = threading.Lock(), threading.Event()  # which ends the newest goal
         self._goal = self._stop  # of the goal whose plan is followed
+        self._writing, self._changing = threading.Lock(), threading.Lock()  # the map's cells, the planner's map
         self._map: OccupancyGrid | None = None
         self._obstacles: dict[tuple[str, int], list[Shape]] = {}
         self._pose: Configuration | None = None
@@ -122,9 +123,9 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _offer(self) -> None:
         """Create publishers, subscriptions, services and actions, which do nothing until the node is active."""
-        planning, (maps, follow, poses, service, accepting) = (
+        planning, (maps, change, follow, poses, service, accepting) = (
             ReentrantCallbackGroup(),
-            (MutuallyExclusiveCallbackGroup() for _ in "12345"),
+            (MutuallyExclusiveCallbackGroup() for _ in "123456"),
         )
 
         def subscribe(kind: Any, name: str, call: Callable[[Any], None], group: Any, qos: Any = 10) -> None:
@@ -135,6 +136,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._landmarks = self.create_publisher(MarkerArray, "landmarks", LATCHED)
         self._swept = self.create_publisher(MarkerArray, "swept_footprint", LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._change = self.create_guard_condition(self._surviving("map", self._change_map), callback_group=change)
         self._follow = self.create_guard_condition(self._surviving("map", self._on_change), callback_group=follow)
         self._tf = _tf_buffer(self)
         subscribe(OccupancyGrid, "map", self._on_map, maps, LATCHED)
@@ -201,23 +203,20 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     # Maps and obstacles
 
     def _on_map(self, message: OccupancyGrid) -> None:
-        messages.grid_map(message, 100, False)  # says what is wrong with it, configured or not
-        before, self._map = self._map, message
-        try:
-            self._change_map()
-        except Exception:
-            self._map = before
-            raise
+        messages.grid_map(message, 100, False)  # says what is wrong with it
+        self._map = message
+        self._change.trigger()
 
     def _on_map_update(self, update: Any) -> None:
         if self._map is not None:  # it comes first
-            messages.patched(self._map, update)
-            self._change_map()
+            with self._writing:
+                messages.patched(self._map, update)
+            self._change.trigger()
 
     def _on_obstacles(self, message: MarkerArray) -> None:
         for marker in message.markers:  # one that is none takes none of the others with it
             self._surviving(f"obstacle {marker.ns}/{marker.id}", self._on_obstacle)(marker)
-        self._change_map()
+        self._change.trigger()
 
     def _on_obstacle(self, marker: Marker) -> None:
         if marker.action == Marker.DELETEALL:
@@ -229,11 +228,15 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             self._obstacles[marker.ns, marker.id] = shapes
 
     def _change_map(self) -> None:
-        """Bring the planner up to date with the newest map and obstacles."""
-        site = self.site
-        if self._map is not None and site is not None:
-            grid = messages.grid_map(self._map, site.settings.lethal_cost_threshold, site.settings.allow_unknown)
-            if site.change_map(grid.with_shapes(shape for some in self._obstacles.values() for shape in some)):
+        """Bring the planner up to date with the newest map and obstacles; what came meanwhile is taken all at once."""
+        with self._changing:
+            site = self.site
+            if self._map is None or site is None:
+                return
+            with self._writing:
+                grid = messages.grid_map(self._map, site.settings.lethal_cost_threshold, site.settings.allow_unknown)
+            shapes = [shape for some in list(self._obstacles.values()) for shape in some]
+            if site.change_map(grid.with_shapes(shapes)):
                 self._follow.trigger()
 
     def _on_change(self) -> None:
