@@ -309,7 +309,14 @@ def test_cells_count_by_their_threshold_and_unknown_ones_as_told(client: Any) ->
 
 def test_a_map_made_of_a_bag_is_planned_in(client: Any, tmp_path: FilePath) -> None:
     write_bag(tmp_path / "drive", scans=True)
-    words = ["map", tmp_path / "drive", "--output", tmp_path / "world.yaml", "--nav2", tmp_path / "map.yaml"]
+    words: list[str | FilePath] = [
+        "map",
+        tmp_path / "drive",
+        "--output",
+        tmp_path / "world.yaml",
+        "--nav2",
+        tmp_path / "map.yaml",
+    ]
     subprocess.run([sys.executable, "-m", "trailmark", *words], check=True, timeout=300, capture_output=True)
     read = yaml.safe_load((tmp_path / "map.yaml").read_text())
     cells = np.flipud(np.asarray(Image.open(tmp_path / read["image"]))) < 255 * (1.0 - read["free_thresh"])
