@@ -19,18 +19,6 @@ from trailmark.ros.planning import Answer, GridMap
 from trailmark.ros.planning import Pose as Configuration
 from trailmark.shapes import Shape
 
-__all__ = [
-    "configuration",
-    "diagnostics",
-    "grid_map",
-    "marker_shapes",
-    "patched",
-    "path_message",
-    "roadmap_markers",
-    "states_of",
-    "swept_footprint",
-]
-
 LEAST, MOST = 1e-6, 1e7
 """Metres: the smallest cell of a map, and the farthest."""
 

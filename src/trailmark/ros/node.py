@@ -355,43 +355,35 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         site = self.site
         if site is None or not self._active:
             return Answer("UNKNOWN", "the node is not active"), Path()
-        while not stop():
-            if site.planning.acquire(timeout=0.02):  # waiting for good, goals might take all threads
-                try:
-                    return self._planned(site, start, goals, stop, follow)
-                finally:
-                    site.planning.release()
-        return ENDED, Path()
+        while not site.planning.acquire(timeout=0.02):  # waiting for good, goals might take all threads
+            if stop():
+                return ENDED, Path()
+        try:
+            self._goal = self._stop if follow else self._goal
+            answer = self._plan_from(start, goals, site, stop, follow)
+            if answer.code == "TIMEOUT" and stop():
+                return ENDED, Path()
+            if not follow:
+                return answer, self._path(answer, site)
+            if answer.code != "NONE":
+                self.get_logger().warning(f"{answer.code}: {answer.message}")
+                self._follow.trigger()  # a plan that is followed still may have made way for this goal
+            return answer, self._publish(answer, site)
+        finally:
+            site.planning.release()
 
-    def _planned(
-        self,
-        site: PlanningSite,
-        start: PoseStamped | None,
-        goals: Sequence[PoseStamped],
-        stop: Callable[[], bool],
-        follow: bool,
-    ) -> tuple[Answer, Path]:
-        if follow:
-            self._goal = self._stop
+    def _plan_from(
+        self, start: PoseStamped | None, goals: Sequence[PoseStamped], site: PlanningSite, *how: Any
+    ) -> Answer:
         try:
             if not goals:
-                raise ConfigurationError("expected a goal, got none")
+                return Answer("NO_VIAPOINTS_GIVEN", "expected a goal, got none")
             here = self._here() if start is None else self._in_map(start.header, start.pose)
             if here is None:
                 raise _FrameError("expected a start, or the robot's pose from tf, amcl_pose, initialpose or odom")
-            ends = [self._in_map(goal.header, goal.pose) for goal in goals]
-            answer = site.plan(here, ends, stop, follow)
+            return site.plan(here, [self._in_map(goal.header, goal.pose) for goal in goals], *how)
         except TrailmarkError as error:
-            code = "TF_ERROR" if isinstance(error, _FrameError) else "UNKNOWN" if goals else "NO_VIAPOINTS_GIVEN"
-            answer = Answer(code, str(error))
-        if answer.code == "TIMEOUT" and stop():
-            return ENDED, Path()
-        if not follow:
-            return answer, self._path(answer, site)
-        if answer.code != "NONE":
-            self.get_logger().warning(f"{answer.code}: {answer.message}")
-            self._follow.trigger()  # a plan that is followed still may have made way for this goal
-        return answer, self._publish(answer, site)
+            return Answer("TF_ERROR" if isinstance(error, _FrameError) else "UNKNOWN", str(error))
 
     def _is_path_valid(self, request: Any, response: Any) -> Any:
         response.is_valid = False

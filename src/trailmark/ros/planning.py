@@ -77,11 +77,8 @@ class GridMap:
 
     def equals(self, other: GridMap | None) -> bool:
         """Return whether another grid says the same, whenever it came."""
-        return (
-            other is not None
-            and (self.resolution, self.origin, self.frame) == (other.resolution, other.origin, other.frame)
-            and np.array_equal(self.occupied, other.occupied)
-        )
+        told, others = ((g.resolution, g.origin, g.frame) if g else () for g in (self, other))
+        return other is not None and told == others and np.array_equal(self.occupied, other.occupied)
 
     def _cells(self, points: se2.FloatArray) -> se2.FloatArray:
         """Return points, shape (n, 2), in cells along the grid's columns and rows."""
@@ -267,7 +264,8 @@ class PlanningSite:
         own = self.settings
         end = goal if own.tolerance == 0.0 else Goal(goal, position_tolerance=own.tolerance)
         if known is not None:
-            result = planner.replan(start, end, known, min(REPLANNING, own.time_limit))
+            limit = min(REPLANNING, own.time_limit)
+            result = planner.replan(start, end, known, limit, improvement=own.improvement_time)
             if result.path is not None:
                 return result
         first: float | None = None
@@ -295,15 +293,11 @@ def _pose(state: NDArray[np.float64]) -> Pose:
 
 def warm_up(settings: Settings) -> None:
     """Load, or on a machine's first use compile, what the robot's plans need."""
-    room = PlanningSite(replace(settings, zones_file="", tolerance=0.0, time_limit=5.0))
     size = 2.0 * (settings.robot.circumradius + settings.clearance) + 2.0 * (settings.robot.turning_radius or 0.0)
-    empty = GridMap(np.zeros((60, 60), np.bool_), size / 10.0, (0.0, 0.0, 0.0))
-    blocked = replace(empty, occupied=np.pad(np.ones((20, 4), np.bool_), ((20, 20), (28, 28))))
-    room.change_map(blocked)
+    blocked = np.pad(np.ones((20, 4), np.bool_), ((20, 20), (28, 28)))
+    room = PlanningSite(replace(settings, zones_file="", tolerance=0.0, time_limit=5.0))
     here, there = (1.2 * size, 3.0 * size, 0.0), (4.8 * size, 3.0 * size, 0.0)
-    room.plan(here, [there])
-    room.change_map(empty)
-    room.follow(here)
-    room.change_map(blocked)
-    room.follow(here)
+    for occupied in (blocked, np.zeros_like(blocked), blocked):
+        room.change_map(GridMap(occupied, size / 10.0, (0.0, 0.0, 0.0)))
+        room.plan(here, [there])
     room.invalid_poses(np.array([here, there]), None)
