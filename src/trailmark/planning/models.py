@@ -115,7 +115,8 @@ class WorldModels:
         """
         begin, old = perf_counter(), self.world
         world = changes if isinstance(changes, World) else old.apply(changes)
-        items = old.difference(world).items if world.differs_in_obstacles_only(old) else ()
+        moving = bool(old.moving or world.moving) and world.differs_in_obstacles_only(old)
+        items = old.difference(world).items if moving else ()
         if items and all(self._moves(item) for item in items):
             new = WorldModels(world, self._full, self._standing, with_keep_outs(world))
             update = Update(changes=len(items))

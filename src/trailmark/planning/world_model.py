@@ -43,7 +43,7 @@ class WorldModel:
         settings: numbers that a person may change.
         landmarks: to be spread over all free space before the first query.
         objective: what paths cost.
-        before: the model of the world before, if its obstacles changed to those of the checker's world.
+        before: the model of a world that differs in its obstacles, and boxes that hold what does, if there is one.
 
     Attributes:
         checker: as given.
@@ -52,6 +52,7 @@ class WorldModel:
         shared: the roadmap, and the lock of those who let it grow.
         bound: proves lower bounds; what it computes is kept from query to query.
         relaxation: the relaxed problem's grid, kept from query to query.
+        revalidated: what became of the roadmap of the world before.
         followed: the path that was returned last, None before there is one.
     """
 
@@ -63,39 +64,36 @@ class WorldModel:
         settings: PlannerSettings,
         landmarks: int,
         objective: Objective,
-        before: WorldModel | None = None,
+        before: tuple[WorldModel, Boxes] | None = None,
     ) -> None:
         self.checker, self.rng, self.seed, self.settings = checker, rng, seed, settings
         self.objective, self.motion = objective, motion_of(checker, objective=objective)
         self.followed: FollowedPath | None = None
         self._without: tuple[tuple[str, ...], WorldModel] | None = None
+        self.verification, self.relaxation = Verification(checker, self.motion, seed), Relaxation(checker)
         if before is None:
-            self.verification = Verification(checker, self.motion, seed)
-            self.shared = SharedRoadmap(self.motion, rng, settings, landmarks)
+            self.shared, self.revalidated = SharedRoadmap(self.motion, rng, settings, landmarks), Update()
             self.bound = lower_bound_of(self.motion)
-            self.relaxation = Relaxation(checker)
+        else:
+            model, boxes = before
+            self.shared, self.revalidated = model.shared.edited(self.motion, boxes)
+            self.bound = lower_bound_of(self.motion, model.bound, boxes.removed)
+            if model.followed is not None:
+                self.followed = model.followed.after(self.motion, *boxes)
 
     def edited(self, world: World) -> tuple[WorldModel, Update]:
         """Return the model of another world, and what changed; this one stays as it is.
 
-        Where only obstacles differ, only what the changes reach is looked at again.
+        Where only obstacles differ, the roadmap is kept, and looked at again where the changes reach.
         """
         begin, old = perf_counter(), self.checker.world
-        if not world.differs_in_obstacles_only(old):
-            checker, to_place = self.checker.edited(world), self.shared.to_place
-            model = WorldModel(checker, self.rng, self.seed, self.settings, to_place, self.objective)
-            return model, Update(seconds=perf_counter() - begin)
-        changes = old.difference(world)
+        before, changes, to_place = None, 0, self.shared.to_place
+        if world.differs_in_obstacles_only(old):
+            boxes, changes = Boxes.between(old, world)
+            before = self, boxes
         checker = self.checker.edited(world)
-        model = WorldModel(checker, self.rng, self.seed, self.settings, 0, self.objective, before=self)
-        boxes = Boxes.of(changes)
-        model.verification = self.verification.edited(checker, model.motion)
-        model.shared, counts = self.shared.edited(model.motion, boxes)
-        model.bound = lower_bound_of(model.motion, self.bound, boxes.removed)
-        model.relaxation = self.relaxation.edited(checker, boxes.all)
-        if self.followed is not None:
-            model.followed = self.followed.after(model.motion, boxes.removed, boxes.added)
-        return model, replace(counts, changes=len(changes.items), seconds=perf_counter() - begin)
+        model = WorldModel(checker, self.rng, self.seed, self.settings, to_place, self.objective, before)
+        return model, replace(model.revalidated, changes=changes, seconds=perf_counter() - begin)
 
     def without(self, zones: tuple[str, ...]) -> WorldModel:
         """Return the model of the world without some keep-out zones; the last one is kept."""
