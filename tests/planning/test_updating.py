@@ -64,11 +64,10 @@ def test_of_a_grid_map_it_looks_at_the_cells_that_differ() -> None:
         world = World.from_grid(cells, 0.2, (-3.0, 5.0))
         boxes, count = Boxes.between(planner.world, world)
         assert count == np.count_nonzero(cells != before)
-        for found, (rows, columns) in zip(
-            boxes, (np.nonzero(before & ~cells), np.nonzero(cells & ~before)), strict=True
-        ):
-            low = np.column_stack([columns, rows])[:, None] * 0.2 + (-3.0, 5.0)
-            assert ((found[:, :2] <= low + 1e-9) & (low + 0.2 <= found[:, 2:] + 1e-9)).all(axis=2).any(axis=1).all()
+        for found, differ in zip(boxes, (before & ~cells, cells & ~before), strict=True):
+            low = np.argwhere(differ)[:, None, ::-1] * 0.2 + (-3.0, 5.0)
+            inside = (found[:, :2] <= low + 1e-9) & (low + 0.2 <= found[:, 2:] + 1e-9)
+            assert np.all(np.any(np.all(inside, axis=2), axis=1))
             assert (found[:, 2:] - found[:, :2]).max() <= 8.0
         update = planner.update(world)
         assert update.changes == count

@@ -144,15 +144,9 @@ def build_grid(world: World, size: float) -> ObstacleGrid:
         order = np.argsort(-discs[:, 2], kind="stable")
         cover = _covering(discs, order, x0, y0, size, columns, rows)
     cells, owners = _touched_cells(segments, discs, x0, y0, size, columns, rows, cover)
-    order = np.argsort(cells, kind="stable")
-    ends = np.cumsum(np.bincount(cells, minlength=columns * rows)).reshape(rows, columns)
-    start = np.empty((rows, columns + 1), np.int32)
-    start[:, 1:] = ends
-    start[0, 0], start[1:, 0] = 0, ends[:-1, -1]
+    start, items = _sorted_by_cell(cells, owners, columns, rows)
     winding = _winding(segments, enclosing, x0, y0, size, columns, rows)
-    return ObstacleGrid(
-        segments, discs, start, owners[order], winding, float(x0), float(y0), float(size), columns, rows
-    )
+    return ObstacleGrid(segments, discs, start, items, winding, float(x0), float(y0), float(size), columns, rows)
 
 
 @njit(cache=True)
@@ -252,6 +246,28 @@ def _touched_cells(
                 owners[count] = -1 - (item - len(segments)) if disc else item
                 count += 1
     return cells[:count], owners[:count]
+
+
+@njit(cache=True)
+def _sorted_by_cell(
+    cells: NDArray[np.int64], owners: NDArray[np.int32], columns: int, rows: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return where each cell's items begin, shape (rows, columns + 1), and the items of all cells."""
+    start = np.zeros((rows, columns + 1), np.int32)
+    for cell in cells:
+        start[cell // columns, cell % columns + 1] += 1
+    total = 0
+    for row in range(rows):
+        start[row, 0] = total
+        for column in range(1, columns + 1):
+            total += start[row, column]
+            start[row, column] = total
+    items, end = np.empty(len(owners), np.int32), start.copy()
+    for k in range(len(cells)):
+        row, column = cells[k] // columns, cells[k] % columns
+        items[end[row, column]] = owners[k]
+        end[row, column] += 1
+    return start, items
 
 
 @njit(cache=True)
