@@ -17,7 +17,7 @@ from trailmark.keep_out import keep_outs
 from trailmark.landmarks import Relaxation
 from trailmark.motion import motion_of
 from trailmark.objective import Objective
-from trailmark.planning.followed import FollowedPath
+from trailmark.planning.followed import Passed
 from trailmark.planning.proofs import AnyBound, lower_bound_of
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shared_roadmap import SharedRoadmap
@@ -53,7 +53,7 @@ class WorldModel:
         bound: proves lower bounds; what it computes is kept from query to query.
         relaxation: the relaxed problem's grid, kept from query to query.
         revalidated: what became of the roadmap of the world before.
-        followed: the path that was returned last, None before there is one.
+        passed: the path that was returned last, in this world or one that differs in its obstacles; None without one.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class WorldModel:
     ) -> None:
         self.checker, self.rng, self.seed, self.settings = checker, rng, seed, settings
         self.objective, self.motion = objective, motion_of(checker, objective=objective)
-        self.followed: FollowedPath | None = None
+        self.passed: Passed | None = None
         self._without: tuple[tuple[str, ...], WorldModel] | None = None
         self.verification, self.relaxation = Verification(checker, self.motion, seed), Relaxation(checker)
         if before is None:
@@ -78,8 +78,7 @@ class WorldModel:
             model, boxes = before
             self.shared, self.revalidated = model.shared.edited(self.motion, boxes)
             self.bound = lower_bound_of(self.motion, model.bound, boxes.removed)
-            if model.followed is not None:
-                self.followed = model.followed.after(self.motion, *boxes)
+            self.passed = None if model.passed is None else model.passed.after(boxes)
 
     def edited(self, world: World) -> tuple[WorldModel, Update]:
         """Return the model of another world, and what changed; this one stays as it is.

@@ -9,10 +9,9 @@ import numpy as np
 
 from trailmark.clock import Deadline
 from trailmark.path import Path
-from trailmark.planning.followed import vertices_of
+from trailmark.planning.followed import Rest, rest_of, vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.replanning import Replanner, as_replan
-from trailmark.planning.rest import Rest, rest_of
 from trailmark.planning.result import ReplanResult
 from trailmark.planning.space_time.obstacles import MovingObstacles, motion_clear, path_clear, state_clear
 from trailmark.planning.space_time.search import search
@@ -63,7 +62,7 @@ class SpaceTimeReplanner:
     def answer(self, path: Path) -> ReplanResult:
         """Return the path to follow from here on instead of ``path``, or the rest of it."""
         replanner = self.replanner
-        kept = self._kept(rest_of(self.model, path, replanner.start))
+        kept = self._kept(rest_of(self.motion, path, replanner.start, self.model.passed))
         if kept is not None and self._is_near(kept, self.motion.least_cost(replanner.start, replanner.goal)):
             return kept
         if not state_clear(self.moving, replanner.start):
