@@ -92,9 +92,10 @@ class StateChecker:
         return {**self.__dict__, "_scene": None}
 
     def edited(self, world: World) -> StateChecker:
-        """Return a checker for another world, with the same robot and cells; this one stays as it is.
+        """Return a checker for another world, of the same robot and with the same ``cell``; this one stays as it is.
 
-        To make all that depends on the world anew takes some milliseconds, a few more with thousands of obstacles.
+        All that depends on the world is made anew: 5 ms with 200 polygons, 10 ms with 2,000 or a map of 1,000 x 1,000
+        cells.
 
         Raises:
             WorldError: the obstacles were grown for the errors of a robot that reaches less far.
