@@ -101,9 +101,14 @@ class Replanner:
         """Return the seconds left to find a path."""
         return self.options.deadline - perf_counter()
 
-    def answer(self, path: Path) -> ReplanResult:
-        """Return the path to follow from here on instead of ``path``, or the rest of it."""
-        rest = rest_of(self.motion, path, self.start, self.model.passed)
+    def answer(self, path: Path, *, look: bool = False) -> ReplanResult:
+        """Return the path to follow from here on instead of ``path``, or the rest of it.
+
+        Args:
+            path: being followed.
+            look: for a better path though nothing was freed since this one passed the final check.
+        """
+        rest = rest_of(self.motion, path, self.start, None if look else self.model.passed)
         if not np.array_equal(rest.vertices[-1], self.ends[1]):
             return as_replan(self._planned(None), "the path leads to another goal")
         if rest.free.all():
