@@ -181,12 +181,21 @@ class Polygon:
 
     def bounding_box(self) -> tuple[float, float, float, float]:
         """Return xmin, ymin, xmax, ymax."""
+        return self._box
+
+    @cached_property
+    def _box(self) -> tuple[float, float, float, float]:
         return _box_of(self.vertices)
 
     def rings(self) -> list[FloatArray]:
         """Return the outline counter-clockwise and the holes clockwise: the region lies left of every edge."""
+        return list(self._rings)
+
+    @cached_property
+    def _rings(self) -> tuple[FloatArray, ...]:
+        # Computed once, like the box: worlds that change share most of their polygons.
         outline = self.vertices if signed_area(self.vertices) > 0 else self.vertices[::-1]
-        return [outline, *(hole if signed_area(hole) < 0 else hole[::-1] for hole in self.holes)]
+        return (outline, *(hole if signed_area(hole) < 0 else hole[::-1] for hole in self.holes))
 
     def shapely(self) -> shapely.Polygon:
         """Return the region as a shapely polygon."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 from functools import cache
 from pathlib import Path as FilePath
 
@@ -128,38 +127,6 @@ def test_what_lies_inside_is_found_without_an_edge_being_met() -> None:
     lake = World("lake", (0, 0, 20, 20), boundary=Polygon(np.array([[1, 1], [9, 1], [9, 9], [1, 9]])))
     assert fault_of(lake, robot, np.array([[15, 15, 0], [15.1, 15, 0]])) is not None
     assert fault_of(lake, robot, np.array([[5, 5, 0], [5.1, 5, 0]])) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
-    rng = np.random.default_rng(8)
-    world, robot = random_world(5, 25, size=30.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True), ROBOTS[kind]
-    final = FinalCheck(world, robot)
-    faults = 0
-    for k in trials(60):
-        i = int(rng.integers(len(world.obstacles)))
-        x, y = rng.uniform(3, 27, 2).tolist()
-        if k % 3 == 0:
-            world = world.edited(add=[(Disc((x, y), 0.5), Rectangle((x, y), 2.0, 0.3, x % np.pi))[k % 2]])
-        else:
-            world = world.edited(remove=[i]) if k % 3 == 1 else world.edited(move={i: (0.5, -0.2, 0.3)})
-        final = final.edited(world)
-        anew = FinalCheck(world, robot)
-        for _ in range(5):
-            states = np.empty((2, 3))
-            states[0] = *rng.uniform(3, 27, 2), rng.uniform(-np.pi, np.pi)
-            states[1] = states[0] + rng.normal(0, (1, 1, 0.5))
-            path = Path(states)
-            found = final.fault(path, path.states[0], path.states[-1])
-            expected = anew.fault(path, path.states[0], path.states[-1])
-            # Of several obstacles that are met, either may name another.
-            assert str(found).partition(" overlaps")[0] == str(expected).partition(" overlaps")[0]
-            faults += found is not None
-    assert few(15) < faults < few(285)
-    walled = replace(world, boundary=Polygon(np.array([[1, 1], [4, 1], [4, 4], [1, 4]])))
-    start, goal = np.array([20.0, 20, 0]), np.array([20.1, 20, 0])
-    assert final.edited(walled).fault(Path(np.array([start, goal])), start, goal) is not None
 
 
 def test_a_path_of_other_ends_is_refused() -> None:

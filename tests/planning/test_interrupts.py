@@ -192,9 +192,7 @@ UPDATING = (
     "planning/shared_roadmap.py",
     "planning/proofs/bound.py",
     "collision/checker.py",
-    "collision/cells.py",
     "collision/fcl_scene.py",
-    "collision/edits.py",
     "landmarks/relaxation.py",
 )
 

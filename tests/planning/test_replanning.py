@@ -169,6 +169,25 @@ def test_a_direct_motion_is_used_once_it_is_free(name: str) -> None:
     assert LandmarkPlanner(planner.world, robot, seed=0).replan(start, goal, detour).cost == pytest.approx(8.0)
 
 
+@pytest.mark.slow
+def test_what_was_asked_meanwhile_changes_no_answer() -> None:
+    start, goal = (1.0, 8.0, 0.0), (9.0, 8.0, 0.0)
+    planner = LandmarkPlanner(HALL, BODY, seed=0)
+    path = planner.plan(start, goal, time_limit=10.0, max_iterations=1).path
+    other = planner.plan(goal, start, time_limit=10.0, max_iterations=1).path
+    assert path is not None
+    assert other is not None
+    planner.update(HALL.edited(remove=[1]))
+    planner.update(planner.world.edited(add=[Disc((1.0, 1.0), 0.2)]))
+    for asked in (path, other, path):
+        ends = asked.states[0], asked.states[-1]
+        taken = planner.replan(*ends, asked)
+        assert not taken.kept
+        assert taken.cost is not None
+        assert taken.cost < 0.6 * asked.cost
+        assert planner.replan(*ends, taken.path or asked).kept
+
+
 def test_no_path_says_so() -> None:
     planner, path = planner_with_path()
     planner.update(OPEN.edited(add=[Rectangle((25.0, 10.0), 1.0, 20.0)]))

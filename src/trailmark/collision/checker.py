@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark import se2
 from trailmark.arguments import number, one_of
 from trailmark.collision import certify, kernels
-from trailmark.collision.cells import Cells
 from trailmark.collision.explain import invalid_reason, worst_overlap
 from trailmark.collision.fcl_scene import FclScene
 from trailmark.collision.field import ClearanceField, build_field
@@ -24,10 +23,6 @@ from trailmark.keep_out import with_keep_outs
 from trailmark.world import Robot, World
 
 __all__ = ["StateChecker"]
-
-
-MANY_CHANGES = 8
-"""A checker is built anew where more than one in so many obstacles changed, since it takes no longer then."""
 
 
 class StateChecker:
@@ -90,7 +85,6 @@ class StateChecker:
         wanted = 0.2 * radius if self.cell is None else self.cell
         self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted, 1.5 * radius))
         self.field: ClearanceField = build_field(self.grid)
-        self._cells: Cells | None = None
         self._scene: FclScene | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -98,10 +92,10 @@ class StateChecker:
         return {**self.__dict__, "_scene": None}
 
     def edited(self, world: World) -> StateChecker:
-        """Return a checker for a world with other obstacles; it answers as one built anew does.
+        """Return a checker for another world, of the same robot and with the same ``cell``; this one stays as it is.
 
-        What the changes do not reach is taken over. This checker stays as it is, for as long as anyone uses it. A world
-        with other bounds or another boundary, or in which much changed, is built anew.
+        All that depends on the world is made anew: 5 ms with 200 polygons, 10 ms with 2,000 or a map of 1,000 x 1,000
+        cells.
 
         Raises:
             WorldError: the obstacles were grown for the errors of a robot that reaches less far.
@@ -111,18 +105,8 @@ class StateChecker:
         if world is self.world:
             return self
         _require_covered(world, self.robot)
-        new, comparable = copy(self), world.differs_in_obstacles_only(self.world)
-        items = self.world.difference(world).items if comparable else ()
-        changes = [(item.before, item.after) for item in items if item.before != item.after]
-        if not comparable or MANY_CHANGES * len(changes) > len(world.obstacles) + 64:
-            new._build(world)
-            return new
-        new.world = world
-        if self._cells is None:
-            self._cells = Cells.of(self.world, self.grid, self.field)
-        new._cells = self._cells.edited(changes)
-        new.grid, new.field = new._cells.grid, new._cells.field
-        new._scene = None if self._scene is None else self._scene.edited(changes)
+        new = copy(self)
+        new._build(world)
         return new
 
     @property

@@ -9,8 +9,6 @@ one another are exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from copy import copy
 from typing import Any
 
 import fcl
@@ -30,14 +28,11 @@ __all__ = ["FclScene"]
 
 Box = tuple[float, float, float, float]
 
-NOWHERE = (math.inf, math.inf, -math.inf, -math.inf)
-"""The bounding box of nothing."""
-
 
 class FclScene:
     """A world and a robot as FCL objects, each obstacle's made when the robot first comes near it.
 
-    Threads that share it, or scenes edited from it, take turns, since each query moves the robot.
+    Threads that share it take turns, since each query moves the robot.
 
     Args:
         world: obstacles, boundary and bounds.
@@ -55,47 +50,10 @@ class FclScene:
         self._robot = fcl.CollisionObject(_robot_geometry(robot, eroding=False))
         # Eroded, it would come nearer by up to the tolerance to what it is to keep away from by less than that.
         self._robot_eroded = fcl.CollisionObject(_robot_geometry(robot, eroding=robot.clearance == 0.0))
-        self._shapes: list[Any] = [*_outside_boundary(world), *world.obstacles]
+        self._shapes: list[Shape] = [*_outside_boundary(world), *world.obstacles]
         self._objects: list[Any] = [None] * len(self._shapes)
         boxes = [shape.bounding_box() for shape in self._shapes]
         self._boxes = np.array(boxes).reshape(-1, 4).T.copy()
-        self._places: dict[Shape, tuple[int, ...]] = {}
-        for place, shape in enumerate(self._shapes):
-            self._places[shape] = (*self._places.get(shape, ()), place)
-        self._free: list[int] = []
-
-    def edited(self, changes: Iterable[tuple[Shape | None, Shape | None]]) -> FclScene:
-        """Return a scene in which obstacles are replaced by others; all objects that stay are shared.
-
-        Args:
-            changes: pairs of an obstacle and what replaces it; None stands for no obstacle.
-        """
-        new = copy(self)
-        new._shapes, new._objects, new._boxes = self._shapes.copy(), self._objects.copy(), self._boxes.copy()
-        new._places, new._free = self._places.copy(), self._free.copy()
-        for before, after in changes:
-            if before is not None:
-                place, *others = new._places.pop(before)
-                if others:
-                    new._places[before] = tuple(others)
-                new._put(place, None)
-                new._free.append(place)
-            if after is not None:
-                if not new._free:
-                    more = 16 + len(new._shapes) // 4
-                    new._free += range(len(new._shapes), len(new._shapes) + more)
-                    new._shapes += [None] * more
-                    new._objects += [None] * more
-                    new._boxes = np.hstack([new._boxes, np.tile(NOWHERE, (more, 1)).T])
-                place = new._free.pop()
-                new._places[after] = (*new._places.get(after, ()), place)
-                new._put(place, after)
-        return new
-
-    def _put(self, place: int, shape: Shape | None) -> None:
-        """Put a shape, or nothing, to a place in the lists of shapes, objects and bounding boxes."""
-        self._shapes[place], self._objects[place] = shape, None
-        self._boxes[:, place] = NOWHERE if shape is None else shape.bounding_box()
 
     def collides(self, q: FloatArray) -> bool:
         """Return whether the robot at q = (x, y, theta), shape (3,), overlaps an obstacle or leaves the bounds.

@@ -11,16 +11,7 @@ from numpy.typing import NDArray
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 
-__all__ = [
-    "ClearanceField",
-    "build_field",
-    "distance_transform",
-    "field_of",
-    "interpolated",
-    "occupied_cells",
-    "row_distances",
-    "vertical_steps",
-]
+__all__ = ["ClearanceField", "build_field", "distance_transform", "interpolated"]
 
 
 class ClearanceField(NamedTuple):
@@ -47,19 +38,10 @@ class ClearanceField(NamedTuple):
 
 def build_field(grid: ObstacleGrid) -> ClearanceField:
     """Return the clearance field on the cells of ``grid``, by an exact Euclidean distance transform."""
-    distance = distance_transform(occupied_cells(grid), grid.size)
-    return field_of(grid, distance, float(distance.max(initial=0.0)))
-
-
-def occupied_cells(grid: ObstacleGrid) -> NDArray[np.bool_]:
-    """Return which cells an obstacle or the outside touches, shape (rows, columns)."""
-    return (np.diff(grid.cell_start, axis=1) > 0) | (grid.winding > 0)
-
-
-def field_of(grid: ObstacleGrid, distance: NDArray[np.float32], largest: float) -> ClearanceField:
-    """Return the field of the distances (rows, columns) on the cells of ``grid``, the largest of which is given."""
+    occupied = (np.diff(grid.cell_start, axis=1) > 0) | (grid.winding > 0)
+    distance = distance_transform(occupied, grid.size)
     # The cells that an item touches are found with 1e-6 of a cell to spare; float32 keeps 1e-7 of a value.
-    slack = grid.size * sqrt(2.0) * (1.0 + 1e-5) + 1e-6 * largest
+    slack = grid.size * sqrt(2.0) * (1.0 + 1e-5) + 1e-6 * float(distance.max(initial=0.0))
     return ClearanceField(distance, grid.x0, grid.y0, grid.size, slack)
 
 
@@ -77,21 +59,7 @@ def distance_transform(occupied: NDArray[np.bool_], size: float) -> NDArray[np.f
         size: edge of a cell, metres.
     """
     rows, columns = occupied.shape
-    steps = vertical_steps(occupied)
-    distance = np.empty((rows, columns), np.float32)
-    vertex, begin = np.empty(columns, np.int64), np.empty(columns + 1)
-    for row in range(rows):
-        row_distances(steps[row], 0, columns, size, vertex, begin, distance[row], 0, columns)
-    return distance
-
-
-@njit(cache=True, nogil=True)
-def vertical_steps(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Return the cells from each cell to the nearest occupied one above or below it, shape (rows, columns).
-
-    At most rows + columns, which is farther than any other cell of the grid.
-    """
-    rows, columns = occupied.shape
+    # Farther than any other cell of the grid.
     far = rows + columns
     steps = np.empty((rows, columns), np.int32)
     for row in range(rows):
@@ -101,52 +69,29 @@ def vertical_steps(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
     for row in range(rows - 2, -1, -1):
         for column in range(columns):
             steps[row, column] = min(steps[row, column], steps[row + 1, column] + 1, far)
-    return steps
-
-
-@njit(cache=True)
-def row_distances(
-    steps: NDArray[np.int32],
-    first: int,
-    end: int,
-    size: float,
-    vertex: NDArray[np.int64],
-    begin: NDArray[np.float64],
-    distance: NDArray[np.float32],
-    left: int,
-    right: int,
-) -> None:
-    """Write the distances of a row's cells from ``left`` to before ``right`` to the nearest occupied cells.
-
-    Args:
-        steps: (columns,) cells from each cell of the row to the nearest occupied one above or below it.
-        first: the nearest occupied cell of each is in a column from ``first``,
-        end: to before ``end``.
-        size: edge of a cell, metres.
-        vertex: memory, (columns,): the envelope's parabolas by the column of their vertex,
-        begin: memory, (columns + 1,): and where each of them replaces the one before.
-        distance: (columns,) metres, written to.
-        left: first column written.
-        right: one behind the last column written.
-    """
-    last = 0
-    vertex[0], begin[0] = first, -np.inf
-    for column in range(first + 1, end):
-        height = steps[column] ** 2 + column**2
-        while True:
-            other = vertex[last]
-            crossing = (height - steps[other] ** 2 - other**2) / (2.0 * (column - other))
-            if crossing > begin[last]:
-                break
-            last -= 1
-        last += 1
-        vertex[last], begin[last] = column, crossing
-    k = 0
-    for column in range(left, right):
-        while k < last and begin[k + 1] < column:
-            k += 1
-        across, down = column - vertex[k], steps[vertex[k]]
-        distance[column] = size * sqrt(across * across + down * down)
+    distance = np.empty((rows, columns), np.float32)
+    # The envelope's parabolas by the column of their vertex, and where each of them replaces the one before.
+    vertex, begin = np.empty(columns, np.int64), np.empty(columns)
+    for row in range(rows):
+        down, last = steps[row], 0
+        vertex[0], begin[0] = 0, -np.inf
+        for column in range(1, columns):
+            height = down[column] ** 2 + column**2
+            while True:
+                other = vertex[last]
+                crossing = (height - down[other] ** 2 - other**2) / (2.0 * (column - other))
+                if crossing > begin[last]:
+                    break
+                last -= 1
+            last += 1
+            vertex[last], begin[last] = column, crossing
+        k = 0
+        for column in range(columns):
+            while k < last and begin[k + 1] < column:
+                k += 1
+            across = column - vertex[k]
+            distance[row, column] = size * sqrt(across * across + down[vertex[k]] * down[vertex[k]])
+    return distance
 
 
 @njit(cache=True)

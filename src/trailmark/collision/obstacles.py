@@ -19,15 +19,10 @@ from trailmark.world import World
 
 __all__ = [
     "ObstacleGrid",
-    "add_winding",
     "boundary_segments",
     "build_grid",
-    "cell_of",
     "cell_size_for",
-    "is_crowded",
     "obstacle_discs",
-    "shape_segments",
-    "touched_cells",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -41,9 +36,6 @@ CROWDED = 8.0
 
 class ObstacleGrid(NamedTuple):
     """All that blocks the robot, sorted by square cells.
-
-    After a change (:mod:`trailmark.collision.cells`) there may be gaps in ``items``, and segments and discs that no
-    cell lists.
 
     Attributes:
         segments: (m, 4) boundary segments x1, y1, x2, y2 in metres, blocked side on the left.
@@ -90,11 +82,6 @@ def boundary_segments(world: World) -> tuple[FloatArray, int]:
     return _ring_segments(rings), enclosing
 
 
-def shape_segments(shape: Rectangle | Polygon) -> FloatArray:
-    """Return the boundary segments of one obstacle, shape (m, 4), blocked side on the left."""
-    return _ring_segments(_rings_of(shape))
-
-
 def _rings_of(shape: Rectangle | Polygon) -> list[FloatArray]:
     if isinstance(shape, Rectangle):
         largest = max(map(abs, shape.bounding_box()))
@@ -134,12 +121,7 @@ def cell_size_for(world: World, wanted: float, largest: float = 0.0) -> float:
     return max(size / 2.0, smallest) if largest < size <= 2.0 * largest else size
 
 
-def is_crowded(discs: FloatArray, size: float, cells: int) -> bool:
-    """Return whether discs (k, 3) overlap so much that some of them are left out of cells (:func:`build_grid`)."""
-    return bool(np.pi * ((discs[:, 2] / size) ** 2).sum() > CROWDED * cells)
-
-
-def build_grid(world: World, size: float, *, whole: bool = False) -> ObstacleGrid:
+def build_grid(world: World, size: float) -> ObstacleGrid:
     """Sort the world's segments and discs by cells of ``size`` metres.
 
     The grid covers the bounds with a margin of a little more than one cell on every side. Where discs are crowded,
@@ -149,7 +131,6 @@ def build_grid(world: World, size: float, *, whole: bool = False) -> ObstacleGri
     Args:
         world: obstacles, bounds, boundary.
         size: edge of a cell, metres.
-        whole: list all discs in any case.
     """
     segments, enclosing = boundary_segments(world)
     discs = obstacle_discs(world)
@@ -159,24 +140,17 @@ def build_grid(world: World, size: float, *, whole: bool = False) -> ObstacleGri
     columns = int(np.ceil((world.bounds[2] + margin - x0) / size))
     rows = int(np.ceil((world.bounds[3] + margin - y0) / size))
     cover = np.empty(0, np.int32)
-    if not whole and is_crowded(discs, size, rows * columns):
+    if np.pi * ((discs[:, 2] / size) ** 2).sum() > CROWDED * rows * columns:
         order = np.argsort(-discs[:, 2], kind="stable")
         cover = _covering(discs, order, x0, y0, size, columns, rows)
-    cells, owners = touched_cells(segments, discs, x0, y0, size, columns, rows, cover)
-    order = np.argsort(cells, kind="stable")
-    ends = np.cumsum(np.bincount(cells, minlength=columns * rows)).reshape(rows, columns)
-    start = np.empty((rows, columns + 1), np.int32)
-    start[:, 1:] = ends
-    start[0, 0], start[1:, 0] = 0, ends[:-1, -1]
-    winding = np.full((rows, columns), enclosing, np.int32)
-    add_winding(winding, segments, 1, x0, y0, size, 0, rows, 0, columns)
-    return ObstacleGrid(
-        segments, discs, start, owners[order], winding, float(x0), float(y0), float(size), columns, rows
-    )
+    cells, owners = _touched_cells(segments, discs, x0, y0, size, columns, rows, cover)
+    start, items = _sorted_by_cell(cells, owners, columns, rows)
+    winding = _winding(segments, enclosing, x0, y0, size, columns, rows)
+    return ObstacleGrid(segments, discs, start, items, winding, float(x0), float(y0), float(size), columns, rows)
 
 
 @njit(cache=True)
-def cell_of(value: float, origin: float, size: float, count: int) -> int:
+def _cell_of(value: float, origin: float, size: float, count: int) -> int:
     """Return the index of the column or row that holds a coordinate, -1 below the grid and ``count`` above it."""
     # Clipped while it is still a float: an obstacle may reach so far that no integer holds the index.
     return int(min(max(np.floor((value - origin) / size), -1.0), float(count)))
@@ -194,13 +168,13 @@ def _covering(
         x, y, r = discs[disc, 0], discs[disc, 1], discs[disc, 2] * (1.0 - 1e-9) - half
         if r <= 0.0:
             break
-        for row in range(max(0, cell_of(y - r, y0, size, rows)), min(rows - 1, cell_of(y + r, y0, size, rows)) + 1):
+        for row in range(max(0, _cell_of(y - r, y0, size, rows)), min(rows - 1, _cell_of(y + r, y0, size, rows)) + 1):
             dy = y0 + (row + 0.5) * size - y
             if abs(dy) > r:
                 continue
             across = np.sqrt(r * r - dy * dy)
-            left = max(0, cell_of(x - across, x0, size, columns))
-            for column in range(left, min(columns - 1, cell_of(x + across, x0, size, columns)) + 1):
+            left = max(0, _cell_of(x - across, x0, size, columns))
+            for column in range(left, min(columns - 1, _cell_of(x + across, x0, size, columns)) + 1):
                 dx = x0 + (column + 0.5) * size - x
                 if cover[row * columns + column] < 0 and dx * dx + dy * dy <= r * r:
                     cover[row * columns + column] = disc
@@ -208,7 +182,7 @@ def _covering(
 
 
 @njit(cache=True)
-def touched_cells(
+def _touched_cells(
     segments: FloatArray,
     discs: FloatArray,
     x0: float,
@@ -237,8 +211,8 @@ def touched_cells(
             x1, y1, x2, y2 = segments[item]
             cx = cy = r = 0.0
             low_y, high_y = min(y1, y2), max(y1, y2)
-        first = max(0, cell_of(low_y - slack, y0, size, rows))
-        last = min(rows - 1, cell_of(high_y + slack, y0, size, rows))
+        first = max(0, _cell_of(low_y - slack, y0, size, rows))
+        last = min(rows - 1, _cell_of(high_y + slack, y0, size, rows))
         for row in range(first, last + 1):
             bottom, top = y0 + row * size - slack, y0 + (row + 1) * size + slack
             if disc:
@@ -256,8 +230,8 @@ def touched_cells(
                 t2 = min(1.0, max(0.0, (top - y1) / (y2 - y1)))
                 xa, xb = x1 + t1 * (x2 - x1), x1 + t2 * (x2 - x1)
                 low_x, high_x = min(xa, xb), max(xa, xb)
-            left = max(0, cell_of(low_x - slack, x0, size, columns))
-            right = min(columns - 1, cell_of(high_x + slack, x0, size, columns))
+            left = max(0, _cell_of(low_x - slack, x0, size, columns))
+            right = min(columns - 1, _cell_of(high_x + slack, x0, size, columns))
             for column in range(left, right + 1):
                 if disc and len(cover) > 0 and cover[row * columns + column] not in (-1, item - len(segments)):
                     continue
@@ -275,44 +249,54 @@ def touched_cells(
 
 
 @njit(cache=True)
-def add_winding(
-    winding: NDArray[np.int32],
-    segments: FloatArray,
-    sign: int,
-    x0: float,
-    y0: float,
-    size: float,
-    first_row: int,
-    end_row: int,
-    first_column: int,
-    end_column: int,
-) -> None:
-    """Add to ``winding``, shape (rows, columns), how many regions within closed rings lie over each cell's centre.
+def _sorted_by_cell(
+    cells: NDArray[np.int64], owners: NDArray[np.int32], columns: int, rows: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return where each cell's items begin, shape (rows, columns + 1), and the items of all cells."""
+    start = np.zeros((rows, columns + 1), np.int32)
+    for cell in cells:
+        start[cell // columns, cell % columns + 1] += 1
+    total = 0
+    for row in range(rows):
+        start[row, 0] = total
+        for column in range(1, columns + 1):
+            total += start[row, column]
+            start[row, column] = total
+    items, end = np.empty(len(owners), np.int32), start.copy()
+    for k in range(len(cells)):
+        row, column = cells[k] // columns, cells[k] % columns
+        items[end[row, column]] = owners[k]
+        end[row, column] += 1
+    return start, items
+
+
+@njit(cache=True)
+def _winding(
+    segments: FloatArray, enclosing: int, x0: float, y0: float, size: float, columns: int, rows: int
+) -> NDArray[np.int32]:
+    """Return how many blocked regions lie over each cell's centre, discs left out, shape (rows, columns).
 
     Along the line through a row's centres every segment that crosses it changes the number by one for all
     centres to its right. Half-open rule: a segment spans y if min <= y < max.
 
     Args:
-        winding: changed in place.
         segments: all those of closed rings, (m, 4), blocked side on the left.
-        sign: 1 adds the regions, -1 takes them away.
+        enclosing: number of regions that enclose everything.
         x0: left edge of the first column, metres.
         y0: lower edge of the first row, metres.
         size: edge of a cell, metres.
-        first_row: of a window that holds the rings, as far as they lie in the grid, and a column beyond.
-        end_row: one behind its last row.
-        first_column: of the window.
-        end_column: one behind its last column.
+        columns: of the grid.
+        rows: of the grid.
     """
-    change = np.zeros((max(end_row - first_row, 0), max(end_column - first_column, 0) + 1), np.int32)
+    change = np.zeros((rows, columns + 1), np.int32)
     for x1, y1, x2, y2 in segments:
         if y1 == y2:
             continue
         # Left of an edge that runs upwards is blocked: crossing it to the right leaves the blocked side.
-        step = -sign if y2 > y1 else sign
+        step = -1 if y2 > y1 else 1
         low, high = min(y1, y2), max(y1, y2)
-        first = max(first_row, cell_of(low - 0.5 * size, y0, size, end_row))
-        last = min(end_row - 1, cell_of(high + 0.5 * size, y0, size, end_row))
+        first = max(0, _cell_of(low - 0.5 * size, y0, size, rows))
+        last = min(rows - 1, _cell_of(high + 0.5 * size, y0, size, rows))
         for row in range(first, last + 1):
             y = y0 + (row + 0.5) * size
             if not (low <= y < high):
@@ -320,14 +304,16 @@ def add_winding(
             x = x1 + (y - y1) / (y2 - y1) * (x2 - x1)
             # First column whose centre lies at or right of the crossing. The comparison must have the same result as
             # the one in distances._blocked_regions, despite rounding: so the first guess is corrected.
-            column = max(first_column, cell_of(x + 0.5 * size, x0, size, end_column))
-            while column > first_column and x <= x0 + (column - 1 + 0.5) * size:
+            column = max(0, _cell_of(x + 0.5 * size, x0, size, columns))
+            while column > 0 and x <= x0 + (column - 1 + 0.5) * size:
                 column -= 1
-            while column < end_column and x > x0 + (column + 0.5) * size:
+            while column < columns and x > x0 + (column + 0.5) * size:
                 column += 1
-            change[row - first_row, column - first_column] += step
-    for row in range(first_row, end_row):
-        total = 0
-        for column in range(first_column, end_column):
-            total += change[row - first_row, column - first_column]
-            winding[row, column] += total
+            change[row, column] += step
+    winding = np.empty((rows, columns), np.int32)
+    for row in range(rows):
+        total = enclosing
+        for column in range(columns):
+            total += change[row, column]
+            winding[row, column] = total
+    return winding

@@ -240,6 +240,10 @@ class CellObstacles(LazyShapes):
         """Return the polygons."""
         return grid_polygons(self.occupied, self.cell, self.origin)
 
+    def covers_as(self, other: CellObstacles) -> bool:
+        """Return whether cells stand for the same places as the other's."""
+        return (self.occupied.shape, self.cell, self.origin) == (other.occupied.shape, other.cell, other.origin)
+
     def sides(self) -> NDArray[np.float64]:
         """Return the polygons' sides x1, y1, x2, y2 (metres) in any order, shape (n, 4), obstacles on their left."""
         return grid_sides(self.occupied, self.cell, self.origin)

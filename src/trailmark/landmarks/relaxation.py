@@ -26,9 +26,6 @@ FloatArray = NDArray[np.float64]
 MAX_CELLS, FINEST_CELLS = 1 << 16, 1 << 20
 """Maximum number of cells at first, and of cells that may be halved once more."""
 
-MAX_CHANGES = 64
-"""Changes of the world after which all clearances are computed anew."""
-
 
 @dataclass(frozen=True)
 class CostMap:
@@ -77,42 +74,12 @@ class Relaxation:
         self.rows = max(1, int(np.ceil((ymax - ymin) / self.size)))
         self.x0, self.y0 = xmin, ymin
         self._finer: Relaxation | None = None
-        self._before: tuple[Relaxation, FloatArray] | None = None
 
     @cached_property
     def _clearance(self) -> FloatArray:
         """Clearance of the cells' centres; NaN where it is not computed yet."""
         # Allocated when it is first needed: most first paths do without it.
-        if self._before is None:
-            return np.full((self.rows, self.columns), np.nan)
-        (before, boxes), self._before = self._before, None
-        clearance = before._clearance.copy()
-        x = self.x0 + (np.arange(self.columns) + 0.5) * self.size
-        y = self.y0 + (np.arange(self.rows) + 0.5) * self.size
-        # A change can reach a cell only if it lies no farther than what was nearest there.
-        reach = np.maximum(clearance, 0.0) + self.checker.field.slack + before.checker.field.slack
-        for xmin, ymin, xmax, ymax in boxes:
-            dx = np.maximum(np.maximum(xmin - x, x - xmax), 0.0)
-            dy = np.maximum(np.maximum(ymin - y, y - ymax), 0.0)
-            clearance[np.hypot(dx[None, :], dy[:, None]) <= reach] = np.nan
-        return clearance
-
-    def edited(self, checker: StateChecker, boxes: FloatArray) -> Relaxation:
-        """Return the grid of a world that differs from this one's in its obstacles.
-
-        Args:
-            checker: for that world and the same robot.
-            boxes: xmin, ymin, xmax, ymax (metres) that hold all that was added or removed, shape (b, 4).
-        """
-        changed, source = Relaxation(checker, self.fineness), self
-        if "_clearance" not in self.__dict__:
-            # What was never computed here may have been before.
-            if self._before is None:
-                return changed
-            source, boxes = self._before[0], np.concatenate([self._before[1], boxes])
-        if len(boxes) <= MAX_CHANGES:
-            changed._before = source, boxes
-        return changed
+        return np.full((self.rows, self.columns), np.nan)
 
     def finer(self) -> Relaxation | None:
         """Return the relaxation on cells half as large; None if there are more than FINEST_CELLS already."""

@@ -133,8 +133,8 @@ def updated_checker(checker: StateChecker, world: World | StateChecker, space: A
     What a planner has built so far was checked in the world before: ``clear`` it.
 
     Args:
-        checker: which is brought up to date (:meth:`trailmark.StateChecker.edited`).
-        world: the other world, or a checker for it that is there already, for instance one that has been edited for
+        checker: whose robot it is (:meth:`trailmark.StateChecker.edited`).
+        world: the other world, or a checker for it that is there already, for instance one that has been made for
             another of OMPL's parts.
         space: the state space that the parts were made for.
 

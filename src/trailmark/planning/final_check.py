@@ -15,7 +15,6 @@ may; arcs are chords, no farther from them than a tenth of that.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from copy import copy
 
 import numpy as np
 import shapely
@@ -68,15 +67,6 @@ class FinalCheck:
         cells = cells_of(world)
         self._index: EdgeIndex | CellIndex = EdgeIndex(world) if cells is None else CellIndex(world, cells)
         self._one_way = OneWayCheck(world.zones)
-
-    def edited(self, world: World) -> FinalCheck:
-        """Return the check for a world with other obstacles; cells, and what is around, are looked at anew."""
-        if not world.differs_in_obstacles_only(self.world) or isinstance(self._index, CellIndex):
-            return FinalCheck(world, self.robot)
-        new = copy(self)
-        new.world = world
-        new._index = self._index.edited((item.before, item.after) for item in self.world.difference(world).items)
-        return new
 
     def fault(self, path: Path, start: FloatArray, goal: FloatArray) -> str | None:
         """Return what is wrong with a path, or None if it leads from start to goal and is certified.

@@ -1,23 +1,27 @@
-"""FollowedPath: the path that a planner returned last, and where changes of the world may have touched it."""
+"""What is left of a path being followed, from where the robot is."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.motion import Motion
 from trailmark.path import Path
-from trailmark.roadmap.search import edges_near
+from trailmark.planning.updating import Boxes
+from trailmark.roadmap.search import edges_near, few_boxes
 from trailmark.se2 import FloatArray
 
-__all__ = ["FollowedPath", "located", "vertices_of"]
+__all__ = ["Passed", "Rest", "located", "rest_of", "vertices_of"]
 
 PLACES = 256
 """Places at which a car's path is compared with where the car is."""
+
+NO_CHANGES = Boxes(np.empty((0, 4)), np.empty((0, 4)))
 
 
 def vertices_of(motion: Motion, path: Path) -> FloatArray:
@@ -28,49 +32,78 @@ def vertices_of(motion: Motion, path: Path) -> FloatArray:
     return states
 
 
-@dataclass(frozen=True)
-class FollowedPath:
-    """A path that passed the final check in some world, seen from a later one.
+class Passed(NamedTuple):
+    """A path that passed the final check.
 
     Attributes:
         vertices: states that motions join, shape (n, 3).
-        touched: motions, shape (n - 1,), along which the robot may meet what was added since.
-        freed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed since the last look for a better path,
-            shape (f, 4).
-        growth: how many times dearer it is for being led around what came since it was last compared with paths that
-            lead elsewhere.
-        looks: closer looks for a better path that are due, for what was removed.
-        dearer: how many times longer it is than the inscribed disc's shortest way, as far as all such looks are done.
+        checker: of the world that it passed it in.
+        changes: boxes that hold what changed since.
     """
 
     vertices: FloatArray
-    touched: NDArray[np.bool_]
+    checker: StateChecker
+    changes: Boxes = NO_CHANGES
+
+    def after(self, changes: Boxes) -> Passed:
+        """Return the same path in a world that changed."""
+        both = (few_boxes(np.concatenate(pair)) for pair in zip(self.changes, changes, strict=True))
+        return self._replace(changes=Boxes(*both))
+
+
+class Rest(NamedTuple):
+    """What is left of a path from where the robot is.
+
+    Attributes:
+        vertices: states that motions join, shape (n, 3); the first is the robot's own.
+        free: which motions are certified in the world as it is, shape (n - 1,).
+        checked: which motions were looked at now, shape (n - 1,).
+        freed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed since the path passed the final check,
+            shape (f, 4).
+        before: the checker of the world that it passed it in; None if that is not known.
+    """
+
+    vertices: FloatArray
+    free: NDArray[np.bool_]
+    checked: NDArray[np.bool_]
     freed: FloatArray
-    growth: float = 1.0
-    looks: int = 0
-    dearer: float = 1.0
+    before: StateChecker | None
 
-    @classmethod
-    def of(cls, motion: Motion, path: Path) -> FollowedPath:
-        """Return a path that passed the final check in the world as it is."""
-        vertices = vertices_of(motion, path)
-        count = len(vertices) - 1
-        return cls(vertices, np.zeros(count, np.bool_), np.empty((0, 4)))
 
-    def after(self, motion: Motion, removed: FloatArray, added: FloatArray) -> FollowedPath:
-        """Return the path after changes of the world.
+def rest_of(motion: Motion, path: Path, start: FloatArray, passed: Passed | None) -> Rest:
+    """Return what is left of a path, and where it is blocked.
 
-        Args:
-            motion: of the robot.
-            removed: boxes that hold what was removed, shape (r, 4).
-            added: boxes that hold what was added, shape (a, 4).
-        """
-        count = len(self.touched)
-        pairs = np.column_stack([np.arange(count), np.arange(1, count + 1)]).astype(np.int32)
-        lengths = motion.longest(motion.costs(self.vertices[:-1], self.vertices[1:]))
-        reach = float(motion.checker.robot.circumradius)
-        touched = self.touched | edges_near(self.vertices, pairs, lengths, reach, added, ~self.touched)
-        return replace(self, touched=touched, freed=np.concatenate([self.freed, removed]))
+    Motions that passed the final check in a world, and that nothing came near since, are free without being looked at.
+
+    Args:
+        motion: of the robot, in the world as it is.
+        path: being followed.
+        start: where the robot is, shape (3,), valid.
+        passed: the path that passed last.
+    """
+    vertices, checker = vertices_of(motion, path), motion.checker
+    before, unknown, freed = None, np.ones(len(vertices) - 1, np.bool_), np.array([checker.world.bounds])
+    if passed is not None and np.array_equal(passed.vertices, vertices):
+        before, (freed, added) = passed.checker, passed.changes
+        pairs = np.column_stack([np.arange(len(unknown)), np.arange(1, len(vertices))]).astype(np.int32)
+        lengths = motion.longest(motion.costs(vertices[:-1], vertices[1:]))
+        unknown = edges_near(vertices, pairs, lengths, float(checker.robot.circumradius), added, unknown)
+    here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
+    if len(vertices) > 1:
+        nearest = located(motion, path, vertices, start)
+        # The first motion is another one, unless the robot stands exactly at a state of the path.
+        same = bool(np.array_equal(here, vertices[nearest]))
+        vertices, unknown = np.vstack([here, vertices[nearest + 1 :]]), unknown[nearest:].copy()
+        unknown[0] |= not same
+    else:
+        vertices, unknown = np.vstack([here, vertices]), np.ones(1, np.bool_)
+    # Where the robot stands at the path's next state, or at its end, there is no motion to it.
+    moves = (vertices[1:] != vertices[:-1]).any(axis=1)
+    moves[-1] |= not moves.any()
+    vertices, unknown = vertices[np.append(True, moves)], unknown[moves]
+    free = ~unknown
+    free[unknown] = motion.motions_valid(vertices[:-1][unknown], vertices[1:][unknown])
+    return Rest(vertices, free, unknown, freed, before)
 
 
 def located(motion: Motion, path: Path, vertices: FloatArray, q: FloatArray) -> int:

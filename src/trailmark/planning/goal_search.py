@@ -18,7 +18,7 @@ from trailmark.goals import Goal, ReachedGoal
 from trailmark.motion import Motion
 from trailmark.path import Path
 from trailmark.planning.error_report import report_error
-from trailmark.planning.followed import FollowedPath, vertices_of
+from trailmark.planning.followed import Passed, vertices_of
 from trailmark.planning.goal_candidates import Candidates
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.lattice.cost_to_go import CostToGo
@@ -451,7 +451,7 @@ class GoalIncumbent:
         incumbent.history = self._history
         incumbent.first_cost = self._history[0][1] if self._history else None
         if path is not None and len(path.states) > 1:
-            self.model.followed = FollowedPath.of(self.motion, path)
+            self.model.passed = Passed(vertices_of(self.motion, path), self.model.checker)
         found = self.model.verification.result(incumbent, status, path, self.model.shared.roadmap, self.build)
         goal = None if path is None else reached_at(path, self._index, self.goals[self._index])
         # Where the two meet, the cost may be below the bound by its error.

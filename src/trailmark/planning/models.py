@@ -16,7 +16,6 @@ from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.objective import Objective
 from trailmark.planning.space_time.obstacles import MovingObstacles
-from trailmark.planning.space_time.replanning import Route
 from trailmark.planning.updating import Update
 from trailmark.planning.world_model import WorldModel
 from trailmark.world import Robot, World
@@ -32,9 +31,6 @@ class WorldModels:
         full: a model of it, or of an earlier one.
         standing: a model of it without its moving obstacles, or of an earlier one; None makes it anew.
         placed: the world in which its keep-out zones are obstacles, too; by default that of ``full``.
-
-    Attributes:
-        route: that the last query among moving obstacles came by, in some model of what stands.
     """
 
     def __init__(
@@ -45,7 +41,6 @@ class WorldModels:
         self._moving: MovingObstacles | None = None
         self._stands: World | None = None
         self._lock = Lock()
-        self.route: Route | None = None
 
     def __getstate__(self) -> bytes:
         with ExitStack() as held:
@@ -115,7 +110,8 @@ class WorldModels:
         """
         begin, old = perf_counter(), self.world
         world = changes if isinstance(changes, World) else old.apply(changes)
-        items = old.difference(world).items if world.differs_in_obstacles_only(old) else ()
+        moving = bool(old.moving or world.moving) and world.differs_in_obstacles_only(old)
+        items = old.difference(world).items if moving else ()
         if items and all(self._moves(item) for item in items):
             new = WorldModels(world, self._full, self._standing, with_keep_outs(world))
             update = Update(changes=len(items))
@@ -123,7 +119,6 @@ class WorldModels:
         else:
             full, update = self.full.edited(with_keep_outs(world))
             new = WorldModels(world, full, self._standing)
-        new.route = self.route
         return new, replace(update, seconds=perf_counter() - begin)
 
     def _moves(self, item: Change) -> bool:

@@ -221,8 +221,8 @@ class LandmarkPlanner:
     def update(self, changes: Changes | World) -> Update:
         """Bring all that is known up to date with a world in which obstacles came, went or moved.
 
-        Only what the changes reach is looked at again. Queries that are under way in other threads see the world as it
-        was, later ones the world as it is.
+        The roadmap is kept, and looked at again where the changes reach. Queries that are under way in other threads
+        see the world as it was, later ones the world as it is.
 
         Args:
             changes: what changed, or the world as it is now (:meth:`trailmark.World.edited`), its robot left aside.

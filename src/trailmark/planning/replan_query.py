@@ -44,9 +44,8 @@ def answer_replan(
         with model.shared.lock:
             if model.checker.states_free(ends).all():
                 replanner = Replanner(model, ends[0], ends[1], options)
-                query = SpaceTimeReplanner(replanner, models.moving, options.speed, models.route)
+                query = SpaceTimeReplanner(replanner, models.moving, options.speed)
                 in_time = query.answer(path)
-                models.route = query.route
                 if in_time.path is not None or replanner.seconds_left() <= 0.0 or query.ends_are_swept():
                     return in_time
     model = models.full

@@ -8,16 +8,16 @@ from time import perf_counter
 
 import numpy as np
 
+from trailmark.collision import StateChecker
 from trailmark.landmarks.band import Band
 from trailmark.path import Path
-from trailmark.planning.followed import FollowedPath
+from trailmark.planning.followed import Passed, Rest, rest_of, vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.placement import Placement
 from trailmark.planning.query import Clock, Query
 from trailmark.planning.reasons import explained
-from trailmark.planning.rest import Rest, rest_of
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.shortening import shorten
@@ -55,11 +55,8 @@ FAR_ABOVE = 1.2
 """Times the length that no path falls below, from which on a closer look at a path is due after obstacles went."""
 
 WIDENINGS, LANDMARKS, LOOK_SECONDS = (0.05, 0.12, 0.3, 0.7), 30, 0.1
-"""Of the closer looks, one in each later query: how much longer than the inscribed disc's shortest the ways are that
-landmarks are placed along, how many, and the seconds that a look may take. Without a lattice little is found sooner."""
-
-NOTHING = np.empty((0, 4))
-"""Boxes of what was freed once it was looked at."""
+"""Of a closer look: how much longer than the inscribed disc's shortest the ways are that landmarks are placed along,
+one after the other, how many each time, and the seconds that all may take."""
 
 MIN_SECONDS = 1e-3
 """That planning anew has at least."""
@@ -104,31 +101,32 @@ class Replanner:
         """Return the seconds left to find a path."""
         return self.options.deadline - perf_counter()
 
-    def answer(self, path: Path) -> ReplanResult:
-        """Return the path to follow from here on instead of ``path``, or the rest of it."""
-        rest = rest_of(self.model, path, self.start)
+    def answer(self, path: Path, *, look: bool = False) -> ReplanResult:
+        """Return the path to follow from here on instead of ``path``, or the rest of it.
+
+        Args:
+            path: being followed.
+            look: for a better path though nothing was freed since this one passed the final check.
+        """
+        rest = rest_of(self.motion, path, self.start, None if look else self.model.passed)
         if not np.array_equal(rest.vertices[-1], self.ends[1]):
             return as_replan(self._planned(None), "the path leads to another goal")
         if rest.free.all():
-            known, better = self._looked_for(rest.known)
-            if better is None and rest.known.looks > 0:
-                known, better = self._looked_closely(known)
-            result = None
-            if better is not None and self.improvement <= 0.0:
-                result = self.result(better, replace(known, growth=1.0))
+            better = self._better(rest.vertices, rest)
+            result = None if better is None or self.improvement > 0.0 else self.result(better)
             if result is not None:
                 return as_replan(result, self._gained(result, rest.vertices))
-            kept = self.kept(rest._replace(known=known))
+            kept = self.kept(rest)
             if kept is not None:
                 return kept if self.improvement <= 0.0 else self._improved(kept, rest.vertices, better)
-        repaired = self._repaired(rest)
-        if repaired is not None:
-            known, better = self._looked_for(repaired)
-            repaired = repaired if better is None else replace(known, vertices=better, growth=1.0)
-            result = None if self.improvement > 0.0 else self.result(repaired.vertices, repaired)
+        known = self._repaired(rest)
+        if known is not None:
+            better = self._better(known, rest)
+            known = known if better is None else better
+            result = None if self.improvement > 0.0 else self.result(known)
             if result is not None:
                 return as_replan(result, "the path is blocked")
-        return as_replan(self._planned(None if repaired is None else repaired.vertices), "the path is blocked")
+        return as_replan(self._planned(known), "the path is blocked")
 
     def _planned(self, known: FloatArray | None) -> PlanResult:
         """Return what planning the whole query gives, beginning with a path if there is one."""
@@ -144,17 +142,17 @@ class Replanner:
             piece = vertices[i : i + 2]
             if verification.final_check.fault(self.motion.path(piece), *piece) is not None:
                 return None
-        self.model.followed = rest.known
+        self.model.passed = Passed(vertices, self.model.checker)
         incumbent = self._incumbent(vertices)
         result = verification.result(incumbent, "solved", incumbent.path(), self.model.shared.roadmap)
         return replace(as_replan(result, "the path is free, and no better one is known"), kept=True)
 
     def _improved(self, kept: ReplanResult, vertices: FloatArray, better: FloatArray | None) -> ReplanResult:
         """Return what comes of bettering a path, if that is better by more than the share wanted, or the one kept."""
-        followed = self.model.followed
+        passed = self.model.passed
         result = self._planned(vertices if better is None else better)
         if result.cost is None or result.cost >= (kept.cost or 0.0) / (1.0 + self.min_gain):
-            self.model.followed = followed
+            self.model.passed = passed
             return kept
         return as_replan(result, self._gained(result, vertices))
 
@@ -168,55 +166,62 @@ class Replanner:
         turning = self.motion.whole_cost(0.0, self.start, self.goal)
         return (cost + turning) / (1.0 + self.min_gain) - turning
 
-    def _looked_for(self, known: FollowedPath) -> tuple[FollowedPath, FloatArray | None]:
-        """Return a path after a look for a better one, and that, shape (n, 3); None if none was found.
+    def _better(self, vertices: FloatArray, rest: Rest) -> FloatArray | None:
+        """Return a path that takes the place of another, shape (n, 3); None if there is none.
 
-        It is the direct motion, or one that is sought where obstacles went.
+        It is the direct motion, or one that is sought where obstacles went since the path passed the final check.
+
+        Args:
+            vertices: of the other path, shape (n, 3).
+            rest: of the path that is being followed.
         """
-        motion, cost = self.motion, self.motion.cost_of(known.vertices)
+        motion, cost = self.motion, self.motion.cost_of(vertices)
         straight, limit = motion.cost_of(self.ends), self._limit(cost)
         if straight < limit and motion.motions_between_valid(self.ends[:1], self.ends[1:])[0]:
-            return replace(known, freed=NOTHING, looks=0, dearer=1.0), self.ends
-        freed, known = known.freed, replace(known, freed=NOTHING)
-        if (straight >= limit and motion.direct_is_best) or not self._may_lead_through(freed, limit):
-            return known, None
-        least = self._least_length()
-        if least >= motion.longest(limit):
-            return known, None
-        better = None
+            return self.ends
+        if (straight >= limit and motion.direct_is_best) or not self._may_lead_through(rest.freed, limit):
+            return None
+        shortest = self._shortest_way(self.model.checker)
+        if shortest < np.inf and shortest >= motion.longest(limit):
+            return None
         for found in self._paths(self.ends):
             # Shortening saves no more than that.
             if motion.cost_of(found) < self.model.settings.worth_shortening * limit:
                 found = self._shortened(found)
                 if motion.cost_of(found) < limit:
-                    better, cost = found, motion.cost_of(found)
-                    break
-        dearer = float(motion.longest(cost)) / max(least, 1e-9)
-        if not motion.has_lattice and dearer > max(FAR_ABOVE, (1.0 + self.min_gain) * known.dearer):
-            known = replace(known, looks=len(WIDENINGS), dearer=dearer)
-        return known, better
+                    return found
+        # Without a lattice little is found so soon: a closer look is due where the disc's way became shorter, too.
+        if motion.has_lattice or motion.longest(cost) <= FAR_ABOVE * shortest:
+            return None
+        before = np.inf if rest.before is None else self._shortest_way(rest.before)
+        if (1.0 + self.min_gain) * shortest >= before:
+            return None
+        return self._looked_closely(vertices, FAR_ABOVE * shortest)
 
-    def _looked_closely(self, known: FollowedPath) -> tuple[FollowedPath, FloatArray | None]:
-        """Return a path after a look for a better one over a few landmarks, and that, shape (n, 3); None if none is.
+    def _looked_closely(self, vertices: FloatArray, enough: float) -> FloatArray | None:
+        """Return a path over a few landmarks in place of another, shape (n, 3); None if none is found.
 
-        They lie around the inscribed disc's shortest way, farther to the sides with each look.
+        They lie around the inscribed disc's shortest way, farther and farther to the sides.
+
+        Args:
+            vertices: of the other path, shape (n, 3).
+            enough: length (metres) that is looked no further for.
         """
-        model, cost = self.model, self.motion.cost_of(known.vertices)
-        widening, known = WIDENINGS[-known.looks], replace(known, looks=known.looks - 1)
+        model, limit = self.model, self._limit(self.motion.cost_of(vertices))
         clock = Clock(perf_counter(), min(LOOK_SECONDS, self.seconds_left()))
         roadmap = Roadmap(model.checker, self.motion)
-        query = Query(roadmap, model.relaxation, model.rng, self._incumbent(known.vertices), clock, model.settings)
+        query = Query(roadmap, model.relaxation, model.rng, self._incumbent(vertices), clock, model.settings)
         band = Band(model.checker, model.relaxation, *query.ends)
-        if np.isfinite(band.shortest):
-            placement, nodes = Placement(query, band), roadmap.add(query.ends)
+        if not np.isfinite(band.shortest):
+            return None
+        placement, nodes = Placement(query, band), roadmap.add(query.ends)
+        for widening in WIDENINGS:
             placement.place(roadmap, widening, LANDMARKS)
             # Whatever it costs at first: shortening saves a car much.
             placement.search(roadmap, nodes, banned=np.zeros(len(roadmap), np.bool_))
-        found = query.incumbent.states
-        if found is None or query.incumbent.cost >= self._limit(cost):
-            return known, None
-        dearer = known.dearer * query.incumbent.cost / cost
-        return replace(known, looks=known.looks if dearer > FAR_ABOVE else 0, dearer=dearer), found
+            if self.motion.longest(query.incumbent.cost) <= enough or clock.seconds_left() <= 0.0:
+                break
+        return query.incumbent.states if query.incumbent.cost < limit else None
 
     def _may_lead_through(self, freed: FloatArray, limit: float) -> bool:
         """Return whether a path that costs less than ``limit`` (metres) may lead through what was freed.
@@ -229,43 +234,39 @@ class Replanner:
         gaps = [np.hypot(*np.maximum(np.maximum(freed[:, :2] - q[:2], q[:2] - freed[:, 2:]), 0.0).T) for q in self.ends]
         return bool((gaps[0] + gaps[1] - 2.0 * self.model.checker.robot.circumradius < limit).any())
 
-    def _least_length(self) -> float:
-        """Return about the length (metres) that no path falls below: the inscribed disc's shortest; 0 if none is known.
+    def _shortest_way(self, checker: StateChecker) -> float:
+        """Return about the length (metres) that no path in a world falls below: the inscribed disc's shortest.
 
-        It is not proven: what goes by it is whether a search is worth its time.
+        It is not proven: what goes by it is whether a search is worth its time. Infinite if the disc seems shut in.
         """
-        checker = self.model.checker
         guide = CostToGo.of(checker, self.ends[1], GUIDE_CELLS, tightness=0.0)
         length = guide.at(*checker.disc_center(self.ends[0]))
-        if length == np.inf:
-            return 0.0
         return max(float(np.hypot(*(self.ends[1] - self.ends[0])[:2])), length / OVER - 3.0 * guide.size)
 
-    def _repaired(self, rest: Rest) -> FollowedPath | None:
-        """Return a path for one that is blocked; None if none was found soon.
+    def _repaired(self, rest: Rest) -> FloatArray | None:
+        """Return a path, shape (n, 3), for one that is blocked; None if none was found soon.
 
         It is led around what blocks it. Another one is sought only if that made it dearer by more than a little.
         """
-        around, best, known = self._led_around(rest), np.inf, rest.known
+        motion = self.motion
+        around, best = self._led_around(rest), np.inf
         if around is not None:
-            best = self.motion.cost_of(around)
-            growth = known.growth * best / max(self.motion.cost_of(rest.vertices), 1e-9)
-            if growth <= SLIGHTLY:
-                return replace(known, vertices=around, growth=growth)
+            best = motion.cost_of(around)
+            if best <= SLIGHTLY * motion.cost_of(rest.vertices):
+                return around
         other = self._first_path(self.ends)
         # Shortening saves no more than that.
-        if len(other) and self.motion.cost_of(other) < self.model.settings.worth_shortening * best:
+        if len(other) and motion.cost_of(other) < self.model.settings.worth_shortening * best:
             other = self._shortened(other)
-            if self.motion.cost_of(other) < best:
-                around = other
-        return None if around is None else replace(known, vertices=around, growth=1.0)
+            if motion.cost_of(other) < best:
+                return other
+        return around
 
     def _led_around(self, rest: Rest) -> FloatArray | None:
         """Return the path with a way around where it is blocked, shape (n, 3); None if none was found soon."""
-        blocked = np.flatnonzero(~rest.free)
+        motion, vertices, blocked = self.motion, rest.vertices, np.flatnonzero(~rest.free)
         if len(blocked) == 0:
             return None
-        motion, vertices = self.motion, rest.vertices
         first, last = int(blocked[0]), int(blocked[-1])
         before = place_before(self.model, vertices[first], vertices[first + 1], reverse=False)
         after = place_before(self.model, vertices[last], vertices[last + 1], reverse=True)
@@ -329,21 +330,13 @@ class Replanner:
         low, high = np.maximum(xy.min(axis=0) - room, bounds[:2]), np.minimum(xy.max(axis=0) + room, bounds[2:])
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
-    def result(self, states: FloatArray, known: FollowedPath | None = None) -> PlanResult | None:
-        """Return the result for a path of certified motions, which is followed from here on; None if it is not free.
-
-        Args:
-            states: shape (n, 3).
-            known: of the path that it takes the place of; what is left to look for is taken over.
-        """
+    def result(self, states: FloatArray) -> PlanResult | None:
+        """Return the result for a path of certified motions, states of shape (n, 3); None if it is not free."""
         incumbent = self._incumbent(states)
         path = incumbent.path()
         if path is None or not self.model.verification.certified(path, np.array([self.start, self.goal])):
             return None
-        followed = FollowedPath.of(self.motion, path)
-        if known is not None:
-            followed = replace(followed, growth=known.growth, looks=known.looks, dearer=known.dearer)
-        self.model.followed = followed
+        self.model.passed = Passed(vertices_of(self.motion, path), self.model.checker)
         return self.model.verification.result(incumbent, "solved", path, self.model.shared.roadmap)
 
     def _incumbent(self, states: FloatArray) -> Incumbent:

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.planning.followed import FollowedPath
+from trailmark.planning.followed import Passed, vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.query import Clock, OnProgress, Query
 from trailmark.planning.result import PlanResult, Status
@@ -82,5 +82,5 @@ def answer_query(
         status, path, known = "timeout", None, None
     build, shared.build_seconds = shared.build_seconds, 0.0
     if path is not None:
-        model.followed = FollowedPath.of(model.motion, path)
+        model.passed = Passed(vertices_of(model.motion, path), model.checker)
     return model.verification.result(incumbent, status, path, shared.roadmap, build)

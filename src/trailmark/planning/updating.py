@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from trailmark.changes import Changes
+from trailmark.formats.grid import CellObstacles, cells_of
 from trailmark.se2 import FloatArray
+from trailmark.world import World
 
 __all__ = ["Boxes", "Update"]
 
@@ -18,7 +20,7 @@ class Update:
     """What a change of the world changed in a planner.
 
     Attributes:
-        changes: obstacles that were added, removed, moved or refined.
+        changes: obstacles that were added, removed, moved or refined; of a grid map, cells that differ.
         checked: edges of the roadmap that were looked at again.
         gained: of those, edges that are certified now and were not before.
         lost: of those, edges that are certified no more, those of landmarks that were dropped included.
@@ -50,13 +52,33 @@ class Boxes(NamedTuple):
     added: FloatArray
 
     @classmethod
-    def of(cls, changes: Changes) -> Boxes:
-        """Return the boxes of the obstacles that changed."""
-        before = [item.before.bounding_box() for item in changes.items if item.before is not None]
-        after = [item.after.bounding_box() for item in changes.items if item.after is not None]
-        return cls(np.array(before).reshape(-1, 4), np.array(after).reshape(-1, 4))
+    def between(cls, before: World, after: World) -> tuple[Boxes, int]:
+        """Return the boxes for two worlds, and how many obstacles, or cells of a grid map, differ."""
+        old, new = cells_of(before), cells_of(after)
+        if old is not None and new is not None and old.covers_as(new):
+            gone, come = old.occupied & ~new.occupied, new.occupied & ~old.occupied
+            return cls(_boxes_of_cells(gone, old), _boxes_of_cells(come, old)), int(np.count_nonzero(gone | come))
+        items = before.difference(after).items
+        gone_, come_ = (
+            np.array([shape.bounding_box() for shape in shapes if shape is not None]).reshape(-1, 4)
+            for shapes in ([item.before for item in items], [item.after for item in items])
+        )
+        return cls(gone_, come_), len(items)
 
-    @property
-    def all(self) -> FloatArray:
-        """Both, shape (r + a, 4)."""
-        return np.concatenate(self)
+
+PARTS = 16
+"""Of a grid map along its longer side: changed cells of one part share a box."""
+
+
+def _boxes_of_cells(changed: NDArray[np.bool_], cells: CellObstacles) -> FloatArray:
+    """Return boxes (metres), shape (b, 4), that hold the changed cells of a grid map, (rows, columns)."""
+    side = -(-max(changed.shape) // PARTS)
+    starts = [np.arange(0, count, side) for count in changed.shape]
+    parts = np.logical_or.reduceat(np.logical_or.reduceat(changed, starts[0], axis=0), starts[1], axis=1)
+    boxes = []
+    for row, column in np.argwhere(parts) * side:
+        block = changed[row : row + side, column : column + side]
+        rows, columns = row + np.flatnonzero(block.any(axis=1)), column + np.flatnonzero(block.any(axis=0))
+        boxes.append((columns[0], rows[0], columns[-1] + 1, rows[-1] + 1))
+    found: FloatArray = np.array(boxes).reshape(-1, 4) * cells.cell + np.tile(cells.origin[:2], 2)
+    return found

@@ -38,18 +38,13 @@ class Verification:
         checker: of the planner; gives world and robot, and clearances.
         motion: that paths are made of.
         seed: of the planner, for reports of errors.
-        final_check: for that world and robot, if there is one already.
     """
 
-    def __init__(self, checker: StateChecker, motion: Motion, seed: int, final_check: FinalCheck | None = None) -> None:
+    def __init__(self, checker: StateChecker, motion: Motion, seed: int) -> None:
         self.checker, self.motion, self.seed = checker, motion, seed
         self.world, self.robot = checker.world, checker.robot
         self._body = whole(self.robot)
-        self.final_check = FinalCheck(self.world, self.robot) if final_check is None else final_check
-
-    def edited(self, checker: StateChecker, motion: Motion) -> Verification:
-        """Return one for a world that differs from this one's in its obstacles."""
-        return Verification(checker, motion, self.seed, self.final_check.edited(checker.world))
+        self.final_check = FinalCheck(self.world, self.robot)
 
     def certified(self, path: Path, ends: FloatArray) -> bool:
         """Return whether a path passes the final check; report it as trailmark's own error if it does not.

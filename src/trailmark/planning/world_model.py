@@ -17,7 +17,7 @@ from trailmark.keep_out import keep_outs
 from trailmark.landmarks import Relaxation
 from trailmark.motion import motion_of
 from trailmark.objective import Objective
-from trailmark.planning.followed import FollowedPath
+from trailmark.planning.followed import Passed
 from trailmark.planning.proofs import AnyBound, lower_bound_of
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shared_roadmap import SharedRoadmap
@@ -43,7 +43,7 @@ class WorldModel:
         settings: numbers that a person may change.
         landmarks: to be spread over all free space before the first query.
         objective: what paths cost.
-        before: the model of the world before, if its obstacles changed to those of the checker's world.
+        before: the model of a world that differs in its obstacles, and boxes that hold what does, if there is one.
 
     Attributes:
         checker: as given.
@@ -52,7 +52,8 @@ class WorldModel:
         shared: the roadmap, and the lock of those who let it grow.
         bound: proves lower bounds; what it computes is kept from query to query.
         relaxation: the relaxed problem's grid, kept from query to query.
-        followed: the path that was returned last, None before there is one.
+        revalidated: what became of the roadmap of the world before.
+        passed: the path that was returned last, in this world or one that differs in its obstacles; None without one.
     """
 
     def __init__(
@@ -63,39 +64,35 @@ class WorldModel:
         settings: PlannerSettings,
         landmarks: int,
         objective: Objective,
-        before: WorldModel | None = None,
+        before: tuple[WorldModel, Boxes] | None = None,
     ) -> None:
         self.checker, self.rng, self.seed, self.settings = checker, rng, seed, settings
         self.objective, self.motion = objective, motion_of(checker, objective=objective)
-        self.followed: FollowedPath | None = None
+        self.passed: Passed | None = None
         self._without: tuple[tuple[str, ...], WorldModel] | None = None
+        self.verification, self.relaxation = Verification(checker, self.motion, seed), Relaxation(checker)
         if before is None:
-            self.verification = Verification(checker, self.motion, seed)
-            self.shared = SharedRoadmap(self.motion, rng, settings, landmarks)
+            self.shared, self.revalidated = SharedRoadmap(self.motion, rng, settings, landmarks), Update()
             self.bound = lower_bound_of(self.motion)
-            self.relaxation = Relaxation(checker)
+        else:
+            model, boxes = before
+            self.shared, self.revalidated = model.shared.edited(self.motion, boxes)
+            self.bound = lower_bound_of(self.motion, model.bound, boxes.removed)
+            self.passed = None if model.passed is None else model.passed.after(boxes)
 
     def edited(self, world: World) -> tuple[WorldModel, Update]:
         """Return the model of another world, and what changed; this one stays as it is.
 
-        Where only obstacles differ, only what the changes reach is looked at again.
+        Where only obstacles differ, the roadmap is kept, and looked at again where the changes reach.
         """
         begin, old = perf_counter(), self.checker.world
-        if not world.differs_in_obstacles_only(old):
-            checker, to_place = self.checker.edited(world), self.shared.to_place
-            model = WorldModel(checker, self.rng, self.seed, self.settings, to_place, self.objective)
-            return model, Update(seconds=perf_counter() - begin)
-        changes = old.difference(world)
+        before, changes, to_place = None, 0, self.shared.to_place
+        if world.differs_in_obstacles_only(old):
+            boxes, changes = Boxes.between(old, world)
+            before = self, boxes
         checker = self.checker.edited(world)
-        model = WorldModel(checker, self.rng, self.seed, self.settings, 0, self.objective, before=self)
-        boxes = Boxes.of(changes)
-        model.verification = self.verification.edited(checker, model.motion)
-        model.shared, counts = self.shared.edited(model.motion, boxes)
-        model.bound = lower_bound_of(model.motion, self.bound, boxes.removed)
-        model.relaxation = self.relaxation.edited(checker, boxes.all)
-        if self.followed is not None:
-            model.followed = self.followed.after(model.motion, boxes.removed, boxes.added)
-        return model, replace(counts, changes=len(changes.items), seconds=perf_counter() - begin)
+        model = WorldModel(checker, self.rng, self.seed, self.settings, to_place, self.objective, before)
+        return model, replace(model.revalidated, changes=changes, seconds=perf_counter() - begin)
 
     def without(self, zones: tuple[str, ...]) -> WorldModel:
         """Return the model of the world without some keep-out zones; the last one is kept."""

@@ -3,46 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from trailmark.clock import Deadline
 from trailmark.path import Path
-from trailmark.planning.followed import vertices_of
+from trailmark.planning.followed import Rest, rest_of, vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.replanning import Replanner, as_replan
-from trailmark.planning.rest import Rest, rest_of
 from trailmark.planning.result import ReplanResult
 from trailmark.planning.space_time.obstacles import MovingObstacles, motion_clear, path_clear, state_clear
 from trailmark.planning.space_time.search import search
-from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 
-__all__ = ["Route", "SpaceTimeReplanner"]
+__all__ = ["SpaceTimeReplanner"]
 
 TRIES = 3
 """Searches at most: how fast a disc moves depends on how much it turns along the whole path, known once it is found."""
-
-
-class Route(NamedTuple):
-    """A path to a goal among what stands, that paths which give way to moving obstacles lead back to.
-
-    Attributes:
-        model: of what stands.
-        vertices: states that motions join, shape (m, 3), the goal last.
-        to_go: (m,) cost from each of them to the goal, metres.
-    """
-
-    model: WorldModel
-    vertices: FloatArray
-    to_go: FloatArray
-
-    @classmethod
-    def of(cls, model: WorldModel, vertices: FloatArray) -> Route:
-        """Return the route over certified motions between vertices, shape (m, 3)."""
-        costs = model.motion.costs(vertices[:-1], vertices[1:])
-        return cls(model, vertices, np.append(np.cumsum(costs[::-1])[::-1], 0.0))
 
 
 class SpaceTimeReplanner:
@@ -52,27 +29,29 @@ class SpaceTimeReplanner:
         replanner: of the query, in the model of what stands.
         moving: the obstacles, and the robot.
         speed: metres of cost per second.
-        route: that served a query before, if there was one.
     """
 
-    def __init__(self, replanner: Replanner, moving: MovingObstacles, speed: float, route: Route | None) -> None:
-        self.replanner, self.moving, self.speed, self.route = replanner, moving, speed, route
+    def __init__(self, replanner: Replanner, moving: MovingObstacles, speed: float) -> None:
+        self.replanner, self.moving, self.speed = replanner, moving, speed
         self.model, self.motion = replanner.model, replanner.motion
         self.turning = self.motion.whole_cost(0.0, replanner.start, replanner.goal)
 
     def answer(self, path: Path) -> ReplanResult:
         """Return the path to follow from here on instead of ``path``, or the rest of it."""
         replanner = self.replanner
-        kept = self._kept(rest_of(self.model, path, replanner.start))
+        kept = self._kept(rest_of(self.motion, path, replanner.start, self.model.passed))
         if kept is not None and self._is_near(kept, self.motion.least_cost(replanner.start, replanner.goal)):
             return kept
         if not state_clear(self.moving, replanner.start):
             return self._failed("the robot meets a moving obstacle where it is")
-        route = self._route_from_here(path)
-        if isinstance(route, ReplanResult):
-            return route
+        # Among what stands there may be a better path than one that gave way to what moves.
+        among = replanner.answer(path, look=True)
+        if among.path is None:
+            return among
         # Beside a path that is free, only the way straight back to the route is looked at.
-        found = self._searched(route, self.model.settings.space_time_nodes if kept is None else 1)
+        found = self._searched(
+            vertices_of(self.motion, among.path), self.model.settings.space_time_nodes if kept is None else 1
+        )
         if kept is None:
             return found
         if found.path is None or self._is_near(kept, found.cost or 0.0):
@@ -102,25 +81,16 @@ class SpaceTimeReplanner:
         states = self.motion.whole_states(vertices, replanner.start, replanner.goal) if self.turning else vertices
         return path_clear(self.moving, states, self.speed) < 0
 
-    def _route_from_here(self, path: Path) -> Route | ReplanResult:
-        """Return a path to the goal among what stands that the robot can go to from here, or why there is none."""
-        route, motion, ends = self.route, self.motion, self.replanner.ends
-        if route is not None and np.array_equal(route.vertices[-1], ends[1]):
-            others = route.vertices[1:]
-            here = np.broadcast_to(ends[0], others.shape)
-            if route.model is self.model and motion.motions_between_valid(here, others).any():
-                return route
-            path = motion.path(route.vertices)
-        found = self.replanner.answer(path)
-        if found.path is None:
-            return found
-        self.route = Route.of(self.model, vertices_of(motion, found.path))
-        return self.route
+    def _searched(self, route: FloatArray, max_nodes: int) -> ReplanResult:
+        """Return a path that stays clear of the moving obstacles, or as ``nearest`` the steps that do so longest.
 
-    def _searched(self, route: Route, max_nodes: int) -> ReplanResult:
-        """Return a path that stays clear of the moving obstacles, or as ``nearest`` the steps that do so longest."""
+        Args:
+            route: to the goal among what stands, states that motions join, shape (m, 3).
+            max_nodes: of the search.
+        """
         replanner, settings = self.replanner, self.model.settings
-        length = max(route.to_go[0], 1e-9)
+        to_go = np.append(np.cumsum(self.motion.costs(route[:-1], route[1:])[::-1])[::-1], 0.0)
+        length = max(to_go[0], 1e-9)
         step = settings.space_time_step * (self.moving.reach + self.moving.size)
         steps = None
         for _ in range(TRIES):
@@ -128,8 +98,8 @@ class SpaceTimeReplanner:
                 self.motion.kind,
                 self.moving,
                 replanner.ends[0],
-                route.vertices,
-                route.to_go,
+                route,
+                to_go,
                 self.speed * length / (length + self.turning),
                 step,
                 settings.space_time_directions,
