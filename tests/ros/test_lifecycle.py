@@ -126,8 +126,8 @@ def test_a_signal_ends_it_without_a_traceback_while_it_starts() -> None:
             time.sleep(delay)
             sign = signal.SIGTERM if delay == 1.9 else signal.SIGINT
             status = node.end(sign)
-            assert status in (0, 130, -sign)
-            assert status == -sign or "Traceback" not in node.said(), (delay, node.said())  # else it was still Python
+            assert status in (0, 1, 130, -sign)
+            assert status in (1, -sign) or "Traceback" not in node.said(), (delay, node.said())  # Python imported still
 
 
 @pytest.mark.parametrize(

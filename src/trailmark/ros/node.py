@@ -6,6 +6,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from functools import partial
 from importlib import import_module
@@ -70,6 +71,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self.site: PlanningSite | None = None  # from configure to cleanup
         self._active = False
         self._bond: _Bond | None = None
+        self._pool = ThreadPoolExecutor(THREADS, "goal")
         self._beginning, self._stop = threading.Lock(), threading.Event()  # which ends the newest goal
         self._goal = self._stop  # of the goal whose plan is followed
         self._writing, self._changing = threading.Lock(), threading.Lock()  # the map's cells, the planner's map
@@ -160,7 +162,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
                 self,
                 kind,
                 f"compute_path_{name}",
-                self._execute,
+                lambda handle: None,  # goals bring theirs
                 callback_group=accepting,
                 goal_callback=lambda _: GoalResponse.ACCEPT if self._active else GoalResponse.REJECT,
                 handle_accepted_callback=partial(self._on_accepted, kind),
@@ -176,7 +178,8 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             except TrailmarkError as error:
                 self.get_logger().warning(f"{name} ignored: {error}")
             except Exception:
-                self.get_logger().error(f"{name} ignored: {traceback.format_exc()}")
+                if rclpy.ok():  # else a signal has ended all that it would use
+                    self.get_logger().error(f"{name} ignored: {traceback.format_exc()}")
             return given[-1] if given else None  # a service's response as it is
 
         return called
@@ -297,33 +300,22 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     # Plans
 
     def _on_accepted(self, kind: Any, handle: Any) -> None:
-        """Begin a goal: one after the other, in the order in which they came."""
-        handle.execute(partial(self._execute, kind, self._begin()))
+        """Begin a goal at once, in a thread beside the executor's."""
+        self._pool.submit(self._surviving("goal", self._execute), kind, self._begin(), handle)
 
-    def _execute(self, kind: Any, newer: threading.Event, handle: Any) -> Any:
+    def _execute(self, kind: Any, newer: threading.Event, handle: Any) -> None:
         """Answer a goal of an action of either kind."""
         request, goals = handle.request, getattr(handle.request, "goals", None)
-        answer, path = self._answer(
-            request.start if request.use_start else None,
-            [request.goal] if goals is None else getattr(goals, "goals", goals),  # nav_msgs/Goals since Kilted
-            lambda: newer.is_set() or handle.is_cancel_requested,
-        )
-        if not rclpy.ok():
-            raise SystemExit  # a signal came, and nobody can be told
-        result = kind.Result()
-        result.planning_time = Duration(seconds=answer.seconds).to_msg()
-        if hasattr(result, "error_code"):  # not in Humble
-            result.error_code = getattr(kind.Result, answer.code, kind.Result.UNKNOWN)
-        if hasattr(result, "error_msg"):
-            result.error_msg = answer.message
-        if answer.code == "NONE":
-            result.path = path
-            handle.succeed()
-        elif handle.is_cancel_requested:
-            handle.canceled()
-        else:
-            handle.abort()
-        return result
+        answer, path = Answer("UNKNOWN", "an error of trailmark's own, which the log tells of"), Path()
+        try:
+            answer, path = self._answer(
+                request.start if request.use_start else None,
+                [request.goal] if goals is None else getattr(goals, "goals", goals),  # nav_msgs/Goals since Kilted
+                lambda: newer.is_set() or handle.is_cancel_requested,
+            )
+        finally:
+            if rclpy.ok():  # else a signal came, and nobody can be told
+                handle.execute(partial(_told, kind, answer, path))
 
     def _get_plan(self, request: Any, response: Any) -> Any:
         start = request.start if request.start.header.frame_id else None
@@ -464,6 +456,24 @@ def run(args: list[str]) -> None:
     finally:
         node.end_goal()  # its thread is waited for
         rclpy.try_shutdown()
+
+
+def _told(kind: Any, answer: Answer, path: Path, handle: Any) -> Any:
+    """Return an action's result, and end its goal."""
+    result = kind.Result()
+    result.planning_time = Duration(seconds=answer.seconds).to_msg()
+    if hasattr(result, "error_code"):  # not in Humble
+        result.error_code = getattr(kind.Result, answer.code, kind.Result.UNKNOWN)
+    if hasattr(result, "error_msg"):
+        result.error_msg = answer.message
+    if answer.code == "NONE":
+        result.path = path
+        handle.succeed()
+    elif handle.is_cancel_requested:
+        handle.canceled()
+    else:
+        handle.abort()
+    return result
 
 
 def _interface(module: str, name: str) -> Any:
