@@ -110,9 +110,9 @@ def _warm_up_pointwise() -> None:
 
 def _warm_up_audits() -> None:
     """Audit a path that is free and one that collides."""
-    from trailmark.audit import PathAuditor
     from trailmark.collision import StateChecker
     from trailmark.planning.warmup import ROBOTS, SMALL
+    from trailmark.verify import PathAuditor
 
     world, (start, goal) = SMALL
     auditor = PathAuditor(StateChecker(world, ROBOTS["straight"]))

@@ -89,7 +89,7 @@ class WorldModel:
         checker = self.checker.edited(world)
         model = WorldModel(checker, self.rng, self.seed, self.settings, 0, self.objective, before=self)
         boxes = Boxes.of(changes)
-        model.verification = self.verification.edited(checker, model.motion)
+        model.verification = Verification(checker, model.motion, self.verification.seed)
         model.shared, counts = self.shared.edited(model.motion, boxes)
         model.bound = lower_bound_of(model.motion, self.bound, boxes.removed)
         model.relaxation = self.relaxation.edited(checker, boxes.all)

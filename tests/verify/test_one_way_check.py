@@ -12,14 +12,14 @@ from trailmark import CurvePath, OneWayZone, Path, Polygon, Robot, Steering, Wor
 from trailmark.curves.shortest import MAX_WORDS, shortest_word
 from trailmark.curves.words import PIECES
 from trailmark.motion.one_way import curve_allowed, one_ways, straight_allowed
-from trailmark.planning.final_check import FinalCheck
+from trailmark.verify import RIM, Verifier
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 AROUND = (-20.0, -20.0, 20.0, 20.0)
 
 
-def check_of(zone: OneWayZone, robot: Robot) -> FinalCheck:
-    return FinalCheck(World("w", AROUND, zones=(zone,)), robot)
+def check_of(zone: OneWayZone, robot: Robot) -> Verifier:
+    return Verifier(World("w", AROUND, zones=(zone,)), robot, RIM)
 
 
 @pytest.mark.parametrize(

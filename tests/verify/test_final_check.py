@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 from functools import cache
 from pathlib import Path as FilePath
 
@@ -17,11 +16,11 @@ from tests.support.trials import few, trials
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
 from trailmark.errors import InternalErrorWarning
 from trailmark.planning import solve as solving
-from trailmark.planning.final_check import RIM, FinalCheck
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Query
 from trailmark.planning.result import PlanProgress, Status
 from trailmark.shapes import Rectangle
+from trailmark.verify import RIM, Verifier
 
 KINDS = ["disc", "rectangle", "L", "thin"]
 
@@ -60,7 +59,7 @@ def is_deep(world: World, robot: Robot, states: np.ndarray, depth: float) -> boo
 
 def fault_of(world: World, robot: Robot, states: np.ndarray) -> str | None:
     path = Path(states)
-    return FinalCheck(world, robot).fault(path, path.states[0], path.states[-1])
+    return Verifier(world, robot, RIM).fault(path, path.states[0], path.states[-1])
 
 
 @pytest.mark.slow
@@ -72,7 +71,7 @@ def test_random_motions_agree_with_dense_sampling(kind: str, offset: float) -> N
     world = random_world(5, 25, size=30.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True, origin=origin)
     rng = np.random.default_rng(2)
     faulty = free = 0
-    final = FinalCheck(world, robot)
+    final = Verifier(world, robot, RIM)
     for _ in trials(40, of=2):
         states = np.empty((2, 3))
         states[0] = *rng.uniform(3, 27, 2), rng.uniform(-np.pi, np.pi)
@@ -130,42 +129,10 @@ def test_what_lies_inside_is_found_without_an_edge_being_met() -> None:
     assert fault_of(lake, robot, np.array([[5, 5, 0], [5.1, 5, 0]])) is None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
-    rng = np.random.default_rng(8)
-    world, robot = random_world(5, 25, size=30.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True), ROBOTS[kind]
-    final = FinalCheck(world, robot)
-    faults = 0
-    for k in trials(60):
-        i = int(rng.integers(len(world.obstacles)))
-        x, y = rng.uniform(3, 27, 2).tolist()
-        if k % 3 == 0:
-            world = world.edited(add=[(Disc((x, y), 0.5), Rectangle((x, y), 2.0, 0.3, x % np.pi))[k % 2]])
-        else:
-            world = world.edited(remove=[i]) if k % 3 == 1 else world.edited(move={i: (0.5, -0.2, 0.3)})
-        final = final.edited(world)
-        anew = FinalCheck(world, robot)
-        for _ in range(5):
-            states = np.empty((2, 3))
-            states[0] = *rng.uniform(3, 27, 2), rng.uniform(-np.pi, np.pi)
-            states[1] = states[0] + rng.normal(0, (1, 1, 0.5))
-            path = Path(states)
-            found = final.fault(path, path.states[0], path.states[-1])
-            expected = anew.fault(path, path.states[0], path.states[-1])
-            # Of several obstacles that are met, either may name another.
-            assert str(found).partition(" overlaps")[0] == str(expected).partition(" overlaps")[0]
-            faults += found is not None
-    assert few(15) < faults < few(285)
-    walled = replace(world, boundary=Polygon(np.array([[1, 1], [4, 1], [4, 4], [1, 4]])))
-    start, goal = np.array([20.0, 20, 0]), np.array([20.1, 20, 0])
-    assert final.edited(walled).fault(Path(np.array([start, goal])), start, goal) is not None
-
-
 def test_a_path_of_other_ends_is_refused() -> None:
     world, robot = World("w", (0, 0, 10, 10)), Robot.disc(0.5)
     path = Path(np.array([[1.0, 1, 0], [2, 2, 0]]))
-    final = FinalCheck(world, robot)
+    final = Verifier(world, robot, RIM)
     assert final.fault(path, np.array([1, 1, 0]), np.array([2, 2, 0])) is None
     assert "goal" in str(final.fault(path, np.array([1, 1, 0]), np.array([2, 2, 1e-9])))
     assert "start" in str(final.fault(path, np.array([1, 1.1, 0]), np.array([2, 2, 0])))
@@ -176,7 +143,7 @@ def test_a_path_of_other_ends_is_refused() -> None:
 def test_curves_agree_with_dense_sampling(reverse: bool) -> None:
     world = random_world(7, 20, size=30.0, radii=(0.3, 1.5), discs=0.3, holes=0.0, boundary=False)
     robot = Robot.rectangle(2.0, 1.0).steered(2.0, reverse)
-    final, steering = FinalCheck(world, robot), Steering(2.0, reverse)
+    final, steering = Verifier(world, robot, RIM), Steering(2.0, reverse)
     rng = np.random.default_rng(4)
     faulty = free = 0
     for _ in trials(50):
@@ -222,7 +189,7 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
         result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1, on_progress=seen.append)
     assert result.status == "solved"
     assert result.path is not None
-    assert FinalCheck(WALL, Robot.disc(0.4)).fault(result.path, *np.array([START, GOAL])) is None
+    assert Verifier(WALL, Robot.disc(0.4), RIM).fault(result.path, *np.array([START, GOAL])) is None
     assert all(p.path is None or p.path.length > 8.1 for p in seen)
     (file,) = tmp_path.glob("trailmark-internal-error-*.yaml")
     again = World.load(file)
