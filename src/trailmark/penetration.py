@@ -66,7 +66,7 @@ class Penetration:
         return shapely.buffer(part, radius, quad_segs=CHORDS) if radius else part
 
     def _depths(self, part: shapely.Geometry, places: FloatArray) -> FloatArray:
-        """Return how far the points (n, 2) are inside a Minkowski difference, grown by what the shapes are rounded by."""
+        """Return how far points (n, 2) are inside a Minkowski difference, grown by what the shapes are rounded by."""
         radius, points = self._radius, shapely.points(places)
         if radius and shapely.convex_hull(part).area > part.area * (1.0 + 1e-12):
             part, radius = shapely.buffer(part, radius, quad_segs=CHORDS), 0.0

@@ -6,6 +6,7 @@ Source: Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996.
 from __future__ import annotations
 
 from math import cos, hypot, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,30 @@ from numpy.typing import NDArray
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["least_distance", "may_meet", "meetings"]
+__all__ = ["Close", "least_distance", "may_meet", "meetings"]
 
 SMALLEST_MOVE = 1e-9
 """Metres that the robot moves in an interval that is halved no more: it meets an edge there."""
 
 IntArray = NDArray[np.int64]
+
+
+class Close(NamedTuple):
+    """Edges near motions.
+
+    Attributes:
+        groups: (n,) which group of ``items`` is near each motion, rising.
+        first: (groups + 1,) where each group's ``items`` begin.
+        items: runs of edges.
+        runs: (r + 1,) where each run of edges begins.
+        edges: (e, 5), metres: x and y of either end, and by how much the edge is thickened; a disc is one of length 0.
+    """
+
+    groups: IntArray
+    first: IntArray
+    items: IntArray
+    runs: IntArray
+    edges: FloatArray
 
 
 @njit(cache=True, nogil=True)
@@ -28,11 +47,7 @@ def meetings(
     starts: FloatArray,
     moves: FloatArray,
     curvature: FloatArray,
-    groups: IntArray,
-    first: IntArray,
-    items: IntArray,
-    runs: IntArray,
-    edges: FloatArray,
+    close: Close,
     resolution: float,
     most: int,
 ) -> FloatArray:
@@ -47,11 +62,7 @@ def meetings(
         starts: (n, 3).
         moves: (n, 3), changes of x, y and heading; of an arc the metres driven, 0 and the change of heading.
         curvature: (n,), 1/metres.
-        groups: (n,) which group of ``items`` is near each motion, rising.
-        first: (groups + 1,) where each group's ``items`` begin.
-        items: runs of edges.
-        runs: (r + 1,) where each run of edges begins.
-        edges: (e, 5), metres: x and y of either end, and by how much the edge is thickened.
+        close: the edges.
         resolution: metres by which the ends of intervals may be off.
         most: intervals that are enough.
     """
@@ -61,9 +72,9 @@ def meetings(
     begins, ends = np.empty(128, np.int64), np.empty(128, np.int64)
     placed, sweep = np.empty_like(body), _reach(body)
     for i in range(len(starts)):
-        if groups[i] != group:
-            group = groups[i]
-            near, n = _edges_near(near, first, items, runs, group)
+        if close.groups[i] != group:
+            group = close.groups[i]
+            near, n = _edges_near(near, close, group)
         low[0], high[0], begins[0], ends[0], depth = 0.0, 1.0, 0, n, 1
         while depth > 0:
             depth -= 1
@@ -75,9 +86,14 @@ def meetings(
             farthest, left, overlap = sweep + radius + hypot(vx, vy) + bend, end, -np.inf
             for k in range(begin, end):
                 e = near[k]
-                ax, ay, bx, by = edges[e, 0] - x, edges[e, 1] - y, edges[e, 2] - x, edges[e, 3] - y
-                thick = edges[e, 4] + radius
-                if _nearest(0.0, 0.0, ax, ay, bx, by)[0] - edges[e, 4] > farthest:
+                ax, ay, bx, by = (
+                    close.edges[e, 0] - x,
+                    close.edges[e, 1] - y,
+                    close.edges[e, 2] - x,
+                    close.edges[e, 3] - y,
+                )
+                thick = close.edges[e, 4] + radius
+                if _nearest(0.0, 0.0, ax, ay, bx, by)[0] - close.edges[e, 4] > farthest:
                     continue
                 if may_meet(placed, ax, ay, bx, by, thick, vx, vy, turn, bend):
                     overlap = max(overlap, _overlap(placed, ax, ay, bx, by, thick))
@@ -118,11 +134,7 @@ def least_distance(
     starts: FloatArray,
     moves: FloatArray,
     curvature: FloatArray,
-    groups: IntArray,
-    first: IntArray,
-    items: IntArray,
-    runs: IntArray,
-    edges: FloatArray,
+    close: Close,
     cap: float,
     tolerance: float,
 ) -> tuple[float, int, float]:
@@ -137,11 +149,7 @@ def least_distance(
         starts: likewise.
         moves: likewise.
         curvature: likewise.
-        groups: likewise.
-        first: likewise.
-        items: likewise.
-        runs: likewise.
-        edges: likewise.
+        close: likewise.
         cap: metres; larger distances are not sought.
         tolerance: metres, above 0.
     """
@@ -153,9 +161,9 @@ def least_distance(
     # The ends of all motions first: then most of what lies between them needs no close look.
     for between in (False, True):
         for i in range(len(starts)):
-            if groups[i] != group:
-                group = groups[i]
-                near, n = _edges_near(near, first, items, runs, group)
+            if close.groups[i] != group:
+                group = close.groups[i]
+                near, n = _edges_near(near, close, group)
             low[0], high[0], begins[0], ends[0], depth = 0.0, 1.0, 0, n, 1
             if not between:
                 high[0] = 0.0
@@ -171,9 +179,14 @@ def least_distance(
                 farthest, left = sweep + radius + hypot(vx, vy) + bend, end
                 for k in range(begin, end):
                     e = near[k]
-                    ax, ay, bx, by = edges[e, 0] - x, edges[e, 1] - y, edges[e, 2] - x, edges[e, 3] - y
-                    thick = edges[e, 4] + radius
-                    if _nearest(0.0, 0.0, ax, ay, bx, by)[0] - edges[e, 4] > farthest + best:
+                    ax, ay, bx, by = (
+                        close.edges[e, 0] - x,
+                        close.edges[e, 1] - y,
+                        close.edges[e, 2] - x,
+                        close.edges[e, 3] - y,
+                    )
+                    thick = close.edges[e, 4] + radius
+                    if _nearest(0.0, 0.0, ax, ay, bx, by)[0] - close.edges[e, 4] > farthest + best:
                         continue
                     found = max(0.0, -_overlap(placed, ax, ay, bx, by, thick))
                     if found < best:
@@ -185,9 +198,14 @@ def least_distance(
                 kept = end
                 for k in range(end, left):
                     e = near[k]
-                    ax, ay, bx, by = edges[e, 0] - x, edges[e, 1] - y, edges[e, 2] - x, edges[e, 3] - y
+                    ax, ay, bx, by = (
+                        close.edges[e, 0] - x,
+                        close.edges[e, 1] - y,
+                        close.edges[e, 2] - x,
+                        close.edges[e, 3] - y,
+                    )
                     # Whether it may come nearer than what is known.
-                    thick = edges[e, 4] + radius + best - tolerance
+                    thick = close.edges[e, 4] + radius + best - tolerance
                     if may_meet(placed, ax, ay, bx, by, thick, vx, vy, turn, bend):
                         near[kept] = e
                         kept += 1
@@ -208,13 +226,14 @@ def _reach(body: FloatArray) -> float:
 
 
 @njit(cache=True)
-def _edges_near(memory: IntArray, first: IntArray, items: IntArray, runs: IntArray, group: int) -> tuple[IntArray, int]:
+def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, int]:
     """Return the edges of a group's runs, at the beginning of ``memory``, or of more where that is too little."""
     n = 0
-    for k in range(first[group], first[group + 1]):
-        while n + runs[items[k] + 1] - runs[items[k]] > len(memory):
+    for k in range(close.first[group], close.first[group + 1]):
+        begin, end = close.runs[close.items[k]], close.runs[close.items[k] + 1]
+        while n + end - begin > len(memory):
             memory = _doubled(memory)
-        for edge in range(runs[items[k]], runs[items[k] + 1]):
+        for edge in range(begin, end):
             memory[n] = edge
             n += 1
     return memory, n

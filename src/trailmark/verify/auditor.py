@@ -47,13 +47,13 @@ _recent: list[tuple[World, PathAuditor]] = []
 
 
 class PathAuditor:
-    """Audits paths of one robot in one world: a fraction of a millisecond for a free path of 50 m.
+    """Audits paths of one robot in one world: a millisecond or two for a free path of 50 m.
 
     A path is free if nowhere along it the robot overlaps an obstacle or a keep-out zone, or reaches over bounds or
     boundary, by more than 1e-7 m: touching is allowed (:class:`trailmark.collision.StateChecker`). A path that starts
     in a keep-out zone may leave it, and then stays out. What travels through a one-way zone in a wrong direction counts
-    as a collision with it. It is certified, not sampled (:mod:`trailmark.verify.verifier`); where a collision begins and
-    ends is known to 0.1 mm.
+    as a collision with it. It is certified, not sampled (:mod:`trailmark.verify.verifier`). Where a collision begins
+    and ends is known to 0.1 mm; of paths longer than 100 m to a millionth of their length, but 1 cm at most.
 
     Args:
         checker: for the world and the robot; that it keeps a clearance is left aside.

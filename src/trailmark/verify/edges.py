@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trailmark.formats.grid import CellObstacles
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.verify.advance import Close
 from trailmark.world import World
 
 __all__ = ["CellIndex", "EdgeIndex", "closed", "edges_of", "frame"]
@@ -41,23 +42,18 @@ class EdgeIndex:
         # It is made by the first query: now, not within a query's time.
         self._tree.query(shapely.box(0.0, 0.0, 0.0, 0.0))
 
-    def near(
-        self, low: FloatArray, high: FloatArray, groups: IntArray, count: int
-    ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """Return where each group's runs begin, (count + 1,), and the runs near any of a group's boxes, each once.
-
-        Behind them where each run of edges begins, (r + 1,), and the edges, (e, 5): x and y of either end, and by how
-        much it is thickened, metres. A disc is one edge of length 0.
+    def near(self, low: FloatArray, high: FloatArray, boxes: IntArray, groups: IntArray) -> Close:
+        """Return the edges near any of the boxes of each group of motions.
 
         Args:
             low: lower left corners of the boxes, (n, 2), metres.
             high: their upper right corners, (n, 2).
-            groups: which group each box is of, (n,), rising.
-            count: how many groups there are.
+            boxes: which group each box is of, (n,), rising.
+            groups: of the motions, (m,), rising.
         """
         box, run = self._tree.query(shapely.box(*low.T, *high.T))
-        first, items = _once_in_each(groups[box], run, len(self._runs), count)
-        return first, items, self._runs, self._edges
+        first, items = _once_in_each(boxes[box], run, len(self._runs), groups[-1] + 1)
+        return Close(groups, first, items, self._runs, self._edges)
 
     def shapes_near(self, low: FloatArray, high: FloatArray) -> list[Shape]:
         """Return the obstacles whose bounding boxes meet the box from ``low`` to ``high``, shapes (2,)."""
@@ -87,16 +83,14 @@ class CellIndex:
         wide = np.pad(occupied, 1)
         self._rim = occupied & ~(wide[1:-1, :-2] & wide[1:-1, 2:] & wide[:-2, 1:-1] & wide[2:, 1:-1])
 
-    def near(
-        self, low: FloatArray, high: FloatArray, groups: IntArray, count: int
-    ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    def near(self, low: FloatArray, high: FloatArray, boxes: IntArray, groups: IntArray) -> Close:
         """Return what :meth:`EdgeIndex.near` does; the runs and edges are those of the cells near any box only."""
-        found, fixed = [np.empty(0, np.int64)], len(self._fixed)
+        found, fixed, count = [np.empty(0, np.int64)], len(self._fixed), groups[-1] + 1
         for rows, columns in zip(self._window(self._y, low, high, 1), self._window(self._x, low, high, 0), strict=True):
             row, column = np.nonzero(self._rim[rows, columns])
             found.append((row + rows.start) * self._rim.shape[1] + column + columns.start)
         cells, run = np.unique(np.concatenate(found), return_inverse=True)
-        group = np.repeat(groups, [len(each) for each in found[1:]])
+        group = np.repeat(boxes, [len(each) for each in found[1:]])
         group = np.concatenate([np.repeat(np.arange(count), fixed), group])
         run = np.concatenate([np.tile(np.arange(fixed), count), fixed + run])
         first, items = _once_in_each(group, run, fixed + len(cells), count)
@@ -105,7 +99,7 @@ class CellIndex:
         around = np.column_stack([x1, y1, x2, y1, x2, y1, x2, y2, x2, y2, x1, y2, x1, y2, x1, y1]).reshape(-1, 4)
         edges = np.concatenate([self._fixed, np.column_stack([around, np.zeros(len(around))])])
         runs = np.concatenate([np.arange(fixed), fixed + 4 * np.arange(len(cells) + 1)]).astype(np.int64)
-        return first, items, runs, edges
+        return Close(groups, first, items, runs, edges)
 
     def shapes_near(self, low: FloatArray, high: FloatArray) -> list[Shape]:
         """Return the occupied cells that meet the box from ``low`` to ``high``, shapes (2,)."""
@@ -113,7 +107,8 @@ class CellIndex:
             self._window(line, low[None], high[None], i) for i, line in ((1, self._y), (0, self._x))
         )
         found: list[Shape] = []
-        for i, j in np.argwhere(self._occupied[rows, columns]) + (rows.start, columns.start):
+        for row, column in np.argwhere(self._occupied[rows, columns]):
+            i, j = row + rows.start, column + columns.start
             x1, x2, y1, y2 = self._x[j], self._x[j + 1], self._y[i], self._y[i + 1]
             found.append(Polygon.unchecked(np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]])))
         return found
@@ -156,4 +151,4 @@ def edges_of(shapes: Sequence[Shape]) -> tuple[FloatArray, IntArray]:
 def _once_in_each(groups: IntArray, runs: IntArray, most: int, count: int) -> tuple[IntArray, IntArray]:
     """Return where each group's runs begin, (count + 1,), and its runs, each once, of pairs of a group and a run."""
     pairs = np.unique(groups * most + runs)
-    return np.searchsorted(pairs, np.arange(count + 1) * most), pairs % most
+    return np.searchsorted(pairs, np.arange(count + 1) * most).astype(np.int64), pairs % most

@@ -9,6 +9,7 @@ from trailmark import se2
 from trailmark.curves import CurvePath
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.verify.advance import Close
 
 __all__ = ["Motions", "merged"]
 
@@ -32,6 +33,9 @@ class Motions:
         curvature: shape (n,), 1/metres, positive to the left of the robot's front; 0 of straight motions.
         radius: R in metres; at least :data:`MIN_RADIUS` is used.
         off: metres, and radians, by which a curve ends off its knot at most.
+
+    Attributes:
+        near: the edges that a verifier found near them, and up to which distance, metres.
     """
 
     def __init__(
@@ -39,6 +43,7 @@ class Motions:
     ) -> None:
         self.starts, self.moves = np.ascontiguousarray(starts), np.ascontiguousarray(moves)
         self.curvature, self.radius, self.off = np.ascontiguousarray(curvature), radius, off
+        self.near: tuple[float, Close] | None = None
         self.arcs = self.curvature != 0.0
         self.lengths = np.where(self.arcs, np.abs(moves[:, 0]), np.hypot(moves[:, 0], moves[:, 1]))
         self._along = np.concatenate([[0.0], np.cumsum(self.lengths)])

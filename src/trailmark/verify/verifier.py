@@ -25,7 +25,7 @@ from trailmark.penetration import Penetration, bounds_depth, outside_of
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.touching import TOUCHING_TOLERANCE, eroded, overlap_core
-from trailmark.verify.advance import least_distance, meetings
+from trailmark.verify.advance import Close, least_distance, meetings
 from trailmark.verify.edges import CellIndex, EdgeIndex, closed, edges_of, frame
 from trailmark.verify.motions import Motions, merged
 from trailmark.verify.one_way import OneWayCheck
@@ -51,6 +51,9 @@ MISSED = 1e-5
 
 OFF_HEADING = 1e-8
 """Metres, and metres for each metre, by which a drive ahead may lead aside, for rounding."""
+
+ALL = 2**62
+"""Intervals, which are never so many."""
 
 Depths = Callable[[FloatArray], FloatArray]
 
@@ -97,12 +100,16 @@ class Verifier:
         cells = cells_of(world)
         self._index: EdgeIndex | CellIndex = EdgeIndex(world) if cells is None else CellIndex(world, cells)
         self.one_way = OneWayCheck(world.zones)
+        self._last: tuple[Path, Motions] | None = None
         self._penetrations: dict[int, Penetration] = {}
         self._boxes: FloatArray | None = None
 
     def motions(self, path: Path) -> Motions:
-        """Return a path's motions, on the robot's scale."""
-        return Motions.of(path, self.robot.sweep_radius)
+        """Return a path's motions, on the robot's scale; of the same path again the same, and what is near them."""
+        last = self._last
+        if last is None or last[0] is not path:
+            last = self._last = path, Motions.of(path, self.robot.sweep_radius)
+        return last[1]
 
     def fault(self, path: Path, start: FloatArray, goal: FloatArray) -> str | None:
         """Return what is wrong with a path, or None if it leads from start to goal, is free and can be driven.
@@ -122,7 +129,7 @@ class Verifier:
             return problem
         if self.robot.drive == "differential" and (problem := _undriven(motions, self.robot.reverse)) is not None:
             return problem
-        for motion, begin, end in self._meetings(motions, most=1).tolist():
+        for motion, begin, end in self._meetings(motions, 1).tolist():
             where = f"at {0.5 * (begin + end):.6f} of its way"
             return f"motion {motion:.0f} from {motions.starts[int(motion)].tolist()} meets an obstacle {where}"
         for zone, begin, _, off in self.one_way.wrong_ways(motions):
@@ -138,19 +145,19 @@ class Verifier:
 
         Their ends are known to 0.1 mm.
         """
-        if self._fault_at(motions.starts[0]) is None and not len(self._meetings(motions, most=1)):
+        if self._fault_at(motions.starts[0]) is None and not len(self._meetings(motions, 1)):
             return []
         found = []
-        rows = self._meetings(motions, most=np.iinfo(np.int64).max)
+        rows = self._meetings(motions, ALL)
         for begin, end in _intervals(motions, rows, lambda q: self._fault_at(q) is not None):
             part, hits = motions.part(begin, end), list[Hit]()
             candidates = list(self._near(*part.box()))
             if len(candidates) > 1:
                 for name, shape, inside, depths in candidates:
                     edges, runs = edges_of([shape])
-                    groups, first = np.zeros(len(part.starts), np.int64), np.array([0, len(runs) - 1])
-                    lists = groups, first, np.arange(len(runs) - 1), runs, edges
-                    rows = self._meet(part, *lists, most=np.iinfo(np.int64).max)
+                    all_near = np.zeros(len(part.starts), np.int64), np.array([0, len(runs) - 1])
+                    close = Close(*all_near, np.arange(len(runs) - 1), runs, edges)
+                    rows = self._meet(part, close, ALL)
                     hits += [Hit(begin + a, begin + b, name, depths) for a, b in _intervals(part, rows, inside)]
             if not hits:
                 # There is but one, or rounding hides all: what is deepest in the middle.
@@ -170,38 +177,29 @@ class Verifier:
         radius = shape.radius if isinstance(shape, Disc) else 0.0
         cap = self.robot.circumradius
         while True:
-            lists = self._edges_near(motions, cap)
-            least, motion, share = least_distance(
-                self._whole, radius, motions.starts, motions.moves, motions.curvature, *lists, cap, tolerance
-            )
+            arrays = motions.starts, motions.moves, motions.curvature, self._edges_near(motions, cap)
+            least, motion, share = least_distance(self._whole, radius, *arrays, cap, tolerance)
             if motion >= 0 or cap > 1e9:
                 return float(least), float(motions.place(max(motion, 0), share))
             cap *= 4.0
 
     def _meetings(self, motions: Motions, most: int) -> FloatArray:
         """Return intervals in which the robot may meet an edge, rows (motion, from, to); at most so many."""
-        return self._meet(motions, *self._edges_near(motions, 0.0), most=most)
+        return self._meet(motions, self._edges_near(motions, self.robot.circumradius), most)
 
-    def _meet(self, motions: Motions, *lists: FloatArray, most: int) -> FloatArray:
-        return np.asarray(
-            meetings(
-                self._body,
-                self._radius,
-                motions.starts,
-                motions.moves,
-                motions.curvature,
-                *lists,
-                min(max(RESOLUTION, SHARE * motions.total), COARSEST),
-                most,
-            )
-        )
+    def _meet(self, motions: Motions, close: Close, most: int) -> FloatArray:
+        resolution = min(max(RESOLUTION, SHARE * motions.total), COARSEST)
+        arrays = motions.starts, motions.moves, motions.curvature, close
+        return np.asarray(meetings(self._body, self._radius, *arrays, resolution, most))
 
-    def _edges_near(self, motions: Motions, cap: float) -> tuple[FloatArray, ...]:
-        """Return the group of each motion, and the edges within ``cap`` metres of the robot anywhere in each group.
+    def _edges_near(self, motions: Motions, cap: float) -> Close:
+        """Return the edges within ``cap`` metres of the robot anywhere in each group.
 
         Long motions are looked up in pieces: the box of a slanting one holds many obstacles that it does not come near.
         Short ones are so together.
         """
+        if motions.near is not None and motions.near[0] == cap:
+            return motions.near[1]
         reach, lengths = self.robot.circumradius, motions.lengths
         longest = PIECE * reach
         count = np.ceil(np.clip(lengths / longest, 1.0, MAX_PIECES)).astype(np.int64)
@@ -217,7 +215,9 @@ class Verifier:
         box = np.flatnonzero(np.append(True, group[of[1:]] != group[of[:-1]]) | alone[of])
         low = np.minimum.reduceat(np.minimum(begin, end) - room, box)
         high = np.maximum.reduceat(np.maximum(begin, end) + room, box)
-        return group, *self._index.near(low, high, group[of[box]], group[-1] + 1)
+        close = self._index.near(low, high, group[of[box]], group)
+        motions.near = cap, close
+        return close
 
     def _fault_at(self, q: FloatArray) -> str | None:
         """Return what is wrong with a state: overlap, one inside the other included."""
