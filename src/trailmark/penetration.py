@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.se2 import FloatArray
@@ -39,20 +40,22 @@ class Penetration:
 
     def at(self, states: FloatArray) -> FloatArray:
         """Return the penetration depth (metres, 0 where there is none) at configurations (n, 3), shape (n,)."""
-        found = np.empty(len(states))
-        headings, which = np.unique(states[:, 2], return_inverse=True)
-        if isinstance(self._body, Disc):
-            headings, which = np.zeros(1), np.zeros(len(states), np.intp)
-        for k, heading in enumerate(headings):
-            rows = np.flatnonzero(which == k)
-            places, reach = states[rows, :2], self._span
-            while True:
-                part, everything = self._difference(heading, places, reach)
-                depths = self._depths(part, places - places[0])
-                if everything or depths.max() <= reach:
-                    break
-                reach *= 2.0
-            found[rows] = depths
+        places, disc = np.asarray(states[:, :2]), isinstance(self._body, Disc)
+        if disc or isinstance(self._shape, Disc):
+            if isinstance(self._shape, Disc):
+                places = places - self._shape.center
+            if not disc:
+                # The disc as the robot sees it.
+                cos, sin, (x, y) = np.cos(states[:, 2]), np.sin(states[:, 2]), -places.T
+                places = np.column_stack([cos * x + sin * y, cos * y - sin * x])
+            return self._depths(np.array([self._alone]), places)
+        found, left, reach = np.zeros(len(states)), np.arange(len(states)), self._span
+        while len(left):
+            low, high = places[left].min(axis=0), places[left].max(axis=0)
+            headings, of = np.unique(states[left, 2], return_inverse=True)
+            parts, everything = self._differences(headings, low, high, reach)
+            found[left] = self._depths(parts[of], places[left] - low)
+            left, reach = left[(found[left] > reach) & (not everything)], 2.0 * reach
         return found
 
     def overlapping(self, q: FloatArray, reach: float) -> shapely.Geometry:
@@ -60,49 +63,59 @@ class Penetration:
 
         It holds all of these, and may hold longer ones, and shorter ones within 2e-5 of what the shapes are rounded by.
         """
-        part, _ = self._difference(q[2], q[None, :2], reach)
+        if isinstance(self._body, Disc):
+            center = np.asarray(self._shape.center) if isinstance(self._shape, Disc) else np.zeros(2)
+            part = shapely.transform(self._alone, lambda rows: rows + center - q[:2])
+        elif isinstance(self._shape, Disc):
+            center = np.asarray(self._shape.center)
+            part = shapely.transform(self._alone, lambda rows: center - se2.transform(q, rows))
+        else:
+            part = self._differences(q[2:], q[:2], q[:2], reach)[0][0]
         # Chords around the circle instead of in it.
         radius = self._radius / cos(0.25 * pi / CHORDS)
         return shapely.buffer(part, radius, quad_segs=CHORDS) if radius else part
 
-    def _depths(self, part: shapely.Geometry, places: FloatArray) -> FloatArray:
-        """Return how far points (n, 2) are inside a Minkowski difference, grown by what the shapes are rounded by."""
-        radius, points = self._radius, shapely.points(places)
-        if radius and shapely.convex_hull(part).area > part.area * (1.0 + 1e-12):
-            part, radius = shapely.buffer(part, radius, quad_segs=CHORDS), 0.0
-        apart = shapely.distance(part, points)
-        if part.area == 0.0:
-            return np.asarray(np.maximum(0.0, radius - apart))
-        within = shapely.contains(part, points)
-        return np.asarray(np.maximum(0.0, radius + np.where(within, shapely.distance(part.boundary, points), -apart)))
+    def _depths(self, parts: NDArray[Any], places: FloatArray) -> FloatArray:
+        """Return how far points (n, 2) are inside Minkowski differences, grown by what the shapes are rounded by.
 
-    def _difference(self, heading: float, places: FloatArray, reach: float) -> tuple[shapely.Geometry, bool]:
-        """Return where, seen from the first of some places (n, 2), the reference point must not be, discs being points.
-
-        That is exact to ``reach`` metres from any of the places, and whether it is everywhere.
+        Args:
+            parts: one for each place, or a single one.
+            places: shape (n, 2).
         """
-        turn = np.array([0.0, 0.0, heading])
-        if isinstance(self._body, Disc):
-            if isinstance(self._shape, Disc):
-                return shapely.Point(self._shape.center - places[0]), True
-            return shapely.transform(self._shape.polygon().shapely(), lambda rows: rows - places[0]), True
-        if isinstance(self._shape, Disc):
-            center = np.asarray(self._shape.center) - places[0]
-            return shapely.transform(self._outline, lambda rows: center - se2.transform(turn, rows)), True
+        radius, points = self._radius, shapely.points(places)
+        area = shapely.area(parts)
+        if radius and (shapely.area(shapely.convex_hull(parts)) > area * (1.0 + 1e-12)).any():
+            parts, radius = shapely.buffer(parts, radius, quad_segs=CHORDS), 0.0
+        apart = -shapely.distance(parts, points)
+        within = (area > 0.0) & shapely.contains(parts, points)
+        apart[within] = shapely.distance(shapely.boundary(parts), points)[within]
+        return np.asarray(np.maximum(0.0, np.where(np.isnan(apart), 0.0, radius + apart)))
+
+    def _differences(
+        self, headings: FloatArray, low: FloatArray, high: FloatArray, reach: float
+    ) -> tuple[NDArray[Any], bool]:
+        """Return where, seen from ``low``, the reference point must not be at headings (n,), (n,): of polygons.
+
+        That is exact to ``reach`` metres from any place between ``low`` and ``high``, and whether it is everywhere.
+        """
         pieces, boxes = self._pieces
         room = self._span + self._radius + reach
-        near = (boxes[:, :2] <= places.max(axis=0) + room).all(axis=1)
-        near &= (boxes[:, 2:] >= places.min(axis=0) - room).all(axis=1)
-        body = se2.transform(turn, self._body_pieces.reshape(-1, 2)).reshape(self._body_pieces.shape)
-        sums = (pieces[near][:, None, :, None] - places[0]) - body[None, :, None]
-        if not len(sums):
-            return shapely.Polygon(), bool(near.all())
-        hulls = shapely.convex_hull(shapely.linestrings(sums.reshape(-1, sums.shape[2] * sums.shape[3], 2)))
-        return hulls[0] if len(hulls) == 1 else shapely.union_all(hulls), bool(near.all())
+        near = (boxes[:, :2] <= high + room).all(axis=1) & (boxes[:, 2:] >= low - room).all(axis=1)
+        turned = np.column_stack([np.zeros((len(headings), 2)), headings])
+        body = se2.transform(turned, self._body_pieces.reshape(-1, 2)).reshape(len(headings), *self._body_pieces.shape)
+        # Headings, pieces of the shape, pieces of the body, vertices of the one, and of the other.
+        sums = (pieces[near] - low)[None, :, None, :, None] - body[:, None, :, None]
+        if sums.shape[1] == 0:
+            return np.full(len(headings), shapely.Polygon()), bool(near.all())
+        shape = len(headings), sums.shape[1] * sums.shape[2]
+        hulls = shapely.convex_hull(shapely.linestrings(sums.reshape(*shape, -1, 2)))
+        return np.asarray(hulls[:, 0] if shape[1] == 1 else shapely.union_all(hulls, axis=1)), bool(near.all())
 
     @cached_property
-    def _outline(self) -> shapely.Polygon:
-        return self._body.polygon().shapely()
+    def _alone(self) -> shapely.Geometry:
+        """What is no disc, in its own frame; of two discs a point."""
+        shape = self._shape if isinstance(self._body, Disc) else self._body
+        return shapely.Point(0.0, 0.0) if isinstance(shape, Disc) else shape.polygon().shapely()
 
     @cached_property
     def _span(self) -> float:

@@ -57,6 +57,9 @@ FINE, GROWTH, COARSE, PLACES = 0.02, 1.1, 0.25, 400
 """Circumradii of the first step along a motion out of zones, how much longer each next one is, the longest, and how
 many there are at most."""
 
+FEW = 8
+"""States along a motion whose depths are computed at first."""
+
 TURN_STEPS = 60
 """Of a turn in place by LONGEST_TURN."""
 
@@ -150,8 +153,12 @@ def ways_out_of_zones(
         at = depth(here[None])
         for states, costs in _motions_out(checker, regions, here, longest):
             last = _first(~others.checker.states_free(states))
-            found = np.hstack([at, depth(states[:last])])
-            last = _first((found[:, 1:] > np.minimum.accumulate(found, axis=1)[:, :-1] + DEEPER).any(axis=0))
+            found = at
+            # A few at first: most motions lead deeper soon.
+            while (looked := found.shape[1] - 1) < last:
+                found = np.hstack([found, depth(states[looked : min(last, 2 * looked + FEW)])])
+                rises = (found[:, 1:] > np.minimum.accumulate(found, axis=1)[:, :-1] + DEEPER).any(axis=0)
+                last = min(last, _first(rises) if rises.any() else last)
             if last == 0:
                 continue
             free = checker.states_free(states[:last])

@@ -18,6 +18,7 @@ from trailmark.goals import goals_of
 from trailmark.layers import ALL, Layers
 from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, plan_facts, points_per_metre, write
 from trailmark.plotting.world import draw_end, draw_goal, draw_world
+from trailmark.verify.motions import Motions, merged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,8 +30,7 @@ if TYPE_CHECKING:
     from trailmark.planning import PlanResult
     from trailmark.roadmap import Roadmap
     from trailmark.verify import PathAudit
-    from trailmark.verify.motions import Motions, merged
-from trailmark.world import Robot, World
+    from trailmark.world import Robot, World
 
 __all__ = ["add_progress", "draw_audit", "draw_plan", "draw_progress", "save_audit_figure", "save_plan_figure"]
 
