@@ -14,12 +14,27 @@ from numpy.typing import NDArray
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["Close", "least_distance", "may_meet", "meetings"]
+__all__ = ["Close", "Way", "least_distance", "may_meet", "meetings"]
 
 SMALLEST_MOVE = 1e-9
 """Metres that the robot moves in an interval that is halved no more: it meets an edge there."""
 
 IntArray = NDArray[np.int64]
+
+
+class Way(NamedTuple):
+    """Motions one after another, straight ones and arcs.
+
+    Attributes:
+        starts: shape (n, 3).
+        moves: shape (n, 3): changes of x, y and heading; of an arc the metres driven, negative backwards, 0 and the
+            change of heading.
+        curvature: shape (n,), 1/metres, positive to the left of the robot's front; 0 of straight motions.
+    """
+
+    starts: FloatArray
+    moves: FloatArray
+    curvature: FloatArray
 
 
 class Close(NamedTuple):
@@ -44,9 +59,7 @@ class Close(NamedTuple):
 def meetings(
     body: FloatArray,
     radius: float,
-    starts: FloatArray,
-    moves: FloatArray,
-    curvature: FloatArray,
+    way: Way,
     close: Close,
     resolution: float,
     most: int,
@@ -59,10 +72,8 @@ def meetings(
     Args:
         body: (b, 4) the robot's edges in its frame; for a disc one of length 0.
         radius: by which they are thickened, metres.
-        starts: (n, 3).
-        moves: (n, 3), changes of x, y and heading; of an arc the metres driven, 0 and the change of heading.
-        curvature: (n,), 1/metres.
-        close: the edges.
+        way: the motions.
+        close: the edges near them.
         resolution: metres by which the ends of intervals may be off.
         most: intervals that are enough.
     """
@@ -71,7 +82,7 @@ def meetings(
     low, high = np.empty(128), np.empty(128)
     begins, ends = np.empty(128, np.int64), np.empty(128, np.int64)
     placed, sweep = np.empty_like(body), _reach(body)
-    for i in range(len(starts)):
+    for i in range(len(way.starts)):
         if close.groups[i] != group:
             group = close.groups[i]
             near, n = _edges_near(near, close, group)
@@ -80,7 +91,7 @@ def meetings(
             depth -= 1
             begin, end = begins[depth], ends[depth]
             half, middle = 0.5 * (high[depth] - low[depth]), 0.5 * (low[depth] + high[depth])
-            x, y, vx, vy, turn, bend = _interval(body, starts[i], moves[i], curvature[i], middle, half, placed)
+            x, y, vx, vy, turn, bend = _interval(body, way, i, middle, half, placed)
             while 2 * end - begin > len(near):
                 near = _doubled(near)
             farthest, left, overlap = sweep + radius + hypot(vx, vy) + bend, end, -np.inf
@@ -131,9 +142,7 @@ def meetings(
 def least_distance(
     body: FloatArray,
     radius: float,
-    starts: FloatArray,
-    moves: FloatArray,
-    curvature: FloatArray,
+    way: Way,
     close: Close,
     cap: float,
     tolerance: float,
@@ -146,9 +155,7 @@ def least_distance(
     Args:
         body: likewise.
         radius: likewise.
-        starts: likewise.
-        moves: likewise.
-        curvature: likewise.
+        way: likewise.
         close: likewise.
         cap: metres; larger distances are not sought.
         tolerance: metres, above 0.
@@ -160,20 +167,20 @@ def least_distance(
     placed, sweep = np.empty_like(body), _reach(body)
     # The ends of all motions first: then most of what lies between them needs no close look.
     for between in (False, True):
-        for i in range(len(starts)):
+        for i in range(len(way.starts)):
             if close.groups[i] != group:
                 group = close.groups[i]
                 near, n = _edges_near(near, close, group)
             low[0], high[0], begins[0], ends[0], depth = 0.0, 1.0, 0, n, 1
             if not between:
                 high[0] = 0.0
-                if i == len(starts) - 1:
+                if i == len(way.starts) - 1:
                     low[1], high[1], begins[1], ends[1], depth = 1.0, 1.0, 0, n, 2
             while depth > 0 and best > tolerance:
                 depth -= 1
                 begin, end = begins[depth], ends[depth]
                 half, middle = 0.5 * (high[depth] - low[depth]), 0.5 * (low[depth] + high[depth])
-                x, y, vx, vy, turn, bend = _interval(body, starts[i], moves[i], curvature[i], middle, half, placed)
+                x, y, vx, vy, turn, bend = _interval(body, way, i, middle, half, placed)
                 while 2 * end - begin > len(near):
                     near = _doubled(near)
                 farthest, left = sweep + radius + hypot(vx, vy) + bend, end
@@ -248,19 +255,14 @@ def _doubled(array: IntArray) -> IntArray:
 
 @njit(cache=True)
 def _interval(
-    body: FloatArray,
-    start: FloatArray,
-    move: FloatArray,
-    curvature: float,
-    middle: float,
-    half: float,
-    placed: FloatArray,
+    body: FloatArray, way: Way, i: int, middle: float, half: float, placed: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
-    """Return where the robot is in the middle of an interval of a motion, and half of how it moves in it.
+    """Return where the robot is in the middle of an interval of motion ``i``, and half of how it moves in it.
 
     That is x and y, the way along the tangent, the turn, and how far the way leaves its tangent at most. Its edges
     about that place are written to ``placed``.
     """
+    start, move, curvature = way.starts[i], way.moves[i], way.curvature[i]
     theta, turn = start[2] + middle * move[2], half * move[2]
     c, s = cos(theta), sin(theta)
     if curvature != 0.0:

@@ -9,7 +9,7 @@ from trailmark import se2
 from trailmark.curves import CurvePath
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
-from trailmark.verify.advance import Close
+from trailmark.verify.advance import Close, Way
 
 __all__ = ["Motions", "merged"]
 
@@ -27,24 +27,20 @@ class Motions:
     point.
 
     Args:
-        starts: shape (n, 3), n >= 1.
-        moves: shape (n, 3): changes of x, y and heading; of an arc the metres driven, negative backwards, 0 and the
-            change of heading.
-        curvature: shape (n,), 1/metres, positive to the left of the robot's front; 0 of straight motions.
+        way: of n >= 1 motions.
         radius: R in metres; at least :data:`MIN_RADIUS` is used.
         off: metres, and radians, by which a curve ends off its knot at most.
 
     Attributes:
+        lengths: metres that the reference point goes in each, shape (n,).
         near: the edges that a verifier found near them, and up to which distance, metres.
     """
 
-    def __init__(
-        self, starts: FloatArray, moves: FloatArray, curvature: FloatArray, radius: float, off: float = 0.0
-    ) -> None:
-        self.starts, self.moves = np.ascontiguousarray(starts), np.ascontiguousarray(moves)
-        self.curvature, self.radius, self.off = np.ascontiguousarray(curvature), radius, off
+    def __init__(self, way: Way, radius: float, off: float = 0.0) -> None:
+        self.way, self.radius, self.off = Way(*map(np.ascontiguousarray, way)), radius, off
         self.near: tuple[float, Close] | None = None
-        self.arcs = self.curvature != 0.0
+        _, moves, curvature = way
+        self.arcs = curvature != 0.0
         self.lengths = np.where(self.arcs, np.abs(moves[:, 0]), np.hypot(moves[:, 0], moves[:, 1]))
         self._along = np.concatenate([[0.0], np.cumsum(self.lengths)])
         spans = self.lengths + max(radius, MIN_RADIUS) * np.abs(moves[:, 2])
@@ -54,11 +50,11 @@ class Motions:
     def of(cls, path: Path, radius: float) -> Motions:
         """Return a path's motions; at a single state there is one that moves nothing."""
         if isinstance(path, CurvePath) and len(path.knots) > 1:
-            starts, moves, curvature, off = _driven(path)
-            if len(starts):
-                return cls(starts, moves, curvature, radius, off)
+            way, off = _driven(path)
+            if len(way.starts):
+                return cls(way, radius, off)
         states = path.states if len(path.states) > 1 else np.repeat(path.states, 2, axis=0)
-        return cls(states[:-1], se2.difference(states[:-1], states[1:]), np.zeros(len(states) - 1), radius)
+        return cls(Way(states[:-1], se2.difference(states[:-1], states[1:]), np.zeros(len(states) - 1)), radius)
 
     @property
     def total(self) -> float:
@@ -85,39 +81,39 @@ class Motions:
     def poses(self, places: ArrayLike) -> FloatArray:
         """Return the configurations at places (n,), shape (n, 3)."""
         i, share = self.motion(np.atleast_1d(places))
-        q = self.starts[i] + share[:, None] * self.moves[i]
+        q = self.way.starts[i] + share[:, None] * self.way.moves[i]
         arcs = self.arcs[i]
-        length, turn = share * self.moves[i, 0], share * self.moves[i, 2]
-        q[arcs] = _moved(self.starts[i[arcs]], length[arcs], turn[arcs])
+        length, turn = share * self.way.moves[i, 0], share * self.way.moves[i, 2]
+        q[arcs] = _moved(self.way.starts[i[arcs]], length[arcs], turn[arcs])
         q[:, 2] = se2.wrap(q[:, 2])
         return q
 
     def interval(self, motions: tuple[float, float]) -> tuple[float, float]:
         """Return the places of two numbers of motions, as :attr:`Collision.motions` has them."""
-        first = np.clip(np.floor(motions), 0, len(self.starts) - 1)
+        first = np.clip(np.floor(motions), 0, len(self.way.starts) - 1)
         begin, end = self.place(first, np.asarray(motions) - first)
         return float(begin), float(end)
 
     def part(self, begin: float, end: float) -> Motions:
         """Return the motions between two places."""
         (first, last), (since, until) = self.motion([begin, end])
-        starts, moves = self.starts[first : last + 1].copy(), self.moves[first : last + 1].copy()
+        starts, moves = self.way.starts[first : last + 1].copy(), self.way.moves[first : last + 1].copy()
         starts[0] = self.poses(begin)[0]
         moves[-1] *= until
         moves[0] *= (until - since) / until if first == last and until > 0.0 else 1.0 - since
-        return Motions(starts, moves, self.curvature[first : last + 1], self.radius)
+        return Motions(Way(starts, moves, self.way.curvature[first : last + 1]), self.radius)
 
     def states(self, begin: float, end: float) -> FloatArray:
         """Return the states between two places, both included, at which motions meet: shape (n, 3), n >= 2."""
         (first, last), _ = self.motion([begin, end])
         a, b = self.poses([begin, end])
-        return np.concatenate([a[None], self.starts[first + 1 : last + 1], b[None]])
+        return np.concatenate([a[None], self.way.starts[first + 1 : last + 1], b[None]])
 
     def box(self) -> tuple[FloatArray, FloatArray]:
         """Return the lower left and the upper right corner, shapes (2,), of a box that holds the reference point."""
-        ends = self.starts[:, :2] + np.where(self.arcs[:, None], 0.0, self.moves[:, :2])
+        ends = self.way.starts[:, :2] + np.where(self.arcs[:, None], 0.0, self.way.moves[:, :2])
         room = np.where(self.arcs, self.lengths, 0.0)[:, None]
-        both = np.concatenate([self.starts[:, :2], ends])
+        both = np.concatenate([self.way.starts[:, :2], ends])
         room = np.concatenate([room, room])
         return (both - room).min(axis=0), (both + room).max(axis=0)
 
@@ -129,21 +125,23 @@ class Motions:
             (radians) where it begins and where it ends, (m, 2).
         """
         if not self.arcs.any():
-            straight = np.arctan2(self.moves[:, 1], self.moves[:, 0])
-            states = np.vstack([self.starts, self.poses(self.total)])
-            return states, np.arange(len(self.starts)), np.column_stack([straight, straight])
+            straight = np.arctan2(self.way.moves[:, 1], self.way.moves[:, 0])
+            states = np.vstack([self.way.starts, self.poses(self.total)])
+            return states, np.arange(len(self.way.starts)), np.column_stack([straight, straight])
         # The middle of a chord over an angle a is r·(1 - cos(a/2)), about r·a²/8, off an arc of radius r.
-        angle = np.sqrt(8.0 * off * np.abs(self.curvature))
-        count = np.ceil(np.abs(self.moves[:, 2]) / np.where(self.arcs, angle, np.inf)).astype(np.intp) + 1
+        angle = np.sqrt(8.0 * off * np.abs(self.way.curvature))
+        count = np.ceil(np.abs(self.way.moves[:, 2]) / np.where(self.arcs, angle, np.inf)).astype(np.intp) + 1
         count[~self.arcs] = 1
         of = np.repeat(np.arange(len(count)), count)
         share = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)) / count[of]
         states = np.vstack([self.poses(self.place(of, share)), self.poses(self.total)])
-        states[:-1][share == 0.0] = self.starts
+        states[:-1][share == 0.0] = self.way.starts
         states[:, 2] = se2.wrap(states[:, 2])
-        heading = self.starts[of, 2] + share * self.moves[of, 2] + np.where(self.moves[of, 0] < 0.0, np.pi, 0.0)
-        arc = np.column_stack([heading, heading + self.moves[of, 2] / count[of]])
-        straight = np.arctan2(self.moves[of, 1], self.moves[of, 0])[:, None]
+        heading = (
+            self.way.starts[of, 2] + share * self.way.moves[of, 2] + np.where(self.way.moves[of, 0] < 0.0, np.pi, 0.0)
+        )
+        arc = np.column_stack([heading, heading + self.way.moves[of, 2] / count[of]])
+        straight = np.arctan2(self.way.moves[of, 1], self.way.moves[of, 0])[:, None]
         return states, of, np.where(self.arcs[of, None], arc, straight)
 
 
@@ -158,8 +156,8 @@ def merged(intervals: ArrayLike) -> list[tuple[float, float]]:
     return [(float(a), float(b)) for a, b in zip(begin[first], end[np.append(first[1:], len(end)) - 1], strict=True)]
 
 
-def _driven(path: CurvePath) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return where the pieces of curves begin, their moves and curvature, and how far one ends off its knot at most."""
+def _driven(path: CurvePath) -> tuple[Way, float]:
+    """Return the pieces of curves, and how far one ends off its knot at most."""
     curves, knots = path.curves, path.knots
     used = curves.signed_lengths != 0.0
     turns = np.where(used, curves.sides * curves.signed_lengths, 0.0) / path.steering.radius
@@ -179,7 +177,7 @@ def _driven(path: CurvePath) -> tuple[FloatArray, FloatArray, FloatArray, float]
     c, s = np.cos(starts[..., 2]), np.sin(starts[..., 2])
     moves[straight] = np.stack([curves.signed_lengths * c, curves.signed_lengths * s, turns], axis=-1)[straight]
     curvature = np.where(used, curves.sides / path.steering.radius, 0.0)
-    return starts[used], moves[used], curvature[used], float(off)
+    return Way(starts[used], moves[used], curvature[used]), float(off)
 
 
 def _moved(q: FloatArray, length: FloatArray, turn: FloatArray) -> FloatArray:

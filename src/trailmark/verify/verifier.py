@@ -131,13 +131,11 @@ class Verifier:
             return problem
         for motion, begin, end in self._meetings(motions, 1).tolist():
             where = f"at {0.5 * (begin + end):.6f} of its way"
-            return f"motion {motion:.0f} from {motions.starts[int(motion)].tolist()} meets an obstacle {where}"
+            return f"motion {motion:.0f} from {motions.way.starts[int(motion)].tolist()} meets an obstacle {where}"
         for zone, begin, _, off in self.one_way.wrong_ways(motions):
             motion, _ = motions.motion(begin)
-            return (
-                f"motion {motion} from {motions.starts[motion].tolist()} goes {off:.6f} rad off one-way zone {zone}'s "
-                "heading"
-            )
+            q = motions.way.starts[motion].tolist()
+            return f"motion {motion} from {q} goes {off:.6f} rad off one-way zone {zone}'s heading"
         return None
 
     def hits(self, motions: Motions) -> list[Hit]:
@@ -145,7 +143,7 @@ class Verifier:
 
         Their ends are known to 0.1 mm.
         """
-        if self._fault_at(motions.starts[0]) is None and not len(self._meetings(motions, 1)):
+        if self._fault_at(motions.way.starts[0]) is None and not len(self._meetings(motions, 1)):
             return []
         found = []
         rows = self._meetings(motions, ALL)
@@ -155,7 +153,7 @@ class Verifier:
             if len(candidates) > 1:
                 for name, shape, inside, depths in candidates:
                     edges, runs = edges_of([shape])
-                    all_near = np.zeros(len(part.starts), np.int64), np.array([0, len(runs) - 1])
+                    all_near = np.zeros(len(part.way.starts), np.int64), np.array([0, len(runs) - 1])
                     close = Close(*all_near, np.arange(len(runs) - 1), runs, edges)
                     rows = self._meet(part, close, ALL)
                     hits += [Hit(begin + a, begin + b, name, depths) for a, b in _intervals(part, rows, inside)]
@@ -177,8 +175,8 @@ class Verifier:
         radius = shape.radius if isinstance(shape, Disc) else 0.0
         cap = self.robot.circumradius
         while True:
-            arrays = motions.starts, motions.moves, motions.curvature, self._edges_near(motions, cap)
-            least, motion, share = least_distance(self._whole, radius, *arrays, cap, tolerance)
+            close = self._edges_near(motions, cap)
+            least, motion, share = least_distance(self._whole, radius, motions.way, close, cap, tolerance)
             if motion >= 0 or cap > 1e9:
                 return float(least), float(motions.place(max(motion, 0), share))
             cap *= 4.0
@@ -189,8 +187,7 @@ class Verifier:
 
     def _meet(self, motions: Motions, close: Close, most: int) -> FloatArray:
         resolution = min(max(RESOLUTION, SHARE * motions.total), COARSEST)
-        arrays = motions.starts, motions.moves, motions.curvature, close
-        return np.asarray(meetings(self._body, self._radius, *arrays, resolution, most))
+        return np.asarray(meetings(self._body, self._radius, motions.way, close, resolution, most))
 
     def _edges_near(self, motions: Motions, cap: float) -> Close:
         """Return the edges within ``cap`` metres of the robot anywhere in each group.
@@ -208,8 +205,8 @@ class Verifier:
         group = np.cumsum(np.append(False, alone[1:] | alone[:-1] | (along[1:] != along[:-1])))
         of = np.repeat(np.arange(len(count)), count)
         share = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)) / count[of]
-        way = np.where(motions.arcs[:, None], 0.0, motions.moves[:, :2])
-        begin = motions.starts[of, :2] + share[:, None] * way[of]
+        way = np.where(motions.arcs[:, None], 0.0, motions.way.moves[:, :2])
+        begin = motions.way.starts[of, :2] + share[:, None] * way[of]
         end = begin + (way / count[:, None])[of]
         room = (np.where(motions.arcs, lengths, 0.0) + reach + cap)[of, None]
         box = np.flatnonzero(np.append(True, group[of[1:]] != group[of[:-1]]) | alone[of])
@@ -309,7 +306,7 @@ def _coordinates(part: shapely.Polygon) -> list[FloatArray]:
 
 def _undriven(motions: Motions, reverse: bool) -> str | None:
     """Return what motions a differential drive cannot make; None if it can all."""
-    moves, heading = motions.moves, motions.starts[:, 2]
+    moves, heading = motions.way.moves, motions.way.starts[:, 2]
     ahead = np.cos(heading) * moves[:, 0] + np.sin(heading) * moves[:, 1]
     aside = np.abs(np.cos(heading) * moves[:, 1] - np.sin(heading) * moves[:, 0])
     turns_only = motions.lengths == 0.0
