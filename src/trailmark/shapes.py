@@ -181,6 +181,10 @@ class Polygon:
 
     def bounding_box(self) -> tuple[float, float, float, float]:
         """Return xmin, ymin, xmax, ymax."""
+        return self._box
+
+    @cached_property
+    def _box(self) -> tuple[float, float, float, float]:
         return _box_of(self.vertices)
 
     def rings(self) -> list[FloatArray]:
