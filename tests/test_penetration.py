@@ -12,7 +12,7 @@ from tests.support.trials import trials
 from trailmark import se2
 from trailmark.errors import ShapeError
 from trailmark.penetration import Penetration, bounds_depth
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape, convex_pieces
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape, triangulate
 from trailmark.world import Robot
 
 U_SHAPE = Polygon(np.array([[0, 0], [4, 0], [4, 4], [3, 4], [3, 1], [1, 1], [1, 4], [0, 4.0]]))
@@ -92,8 +92,8 @@ def test_depths_of_polygons_are_those_of_their_minkowski_difference() -> None:
             robot = Robot.rectangle(1.5, 0.5)
             states = np.column_stack([np.round(4 * states[:, :2]) / 4, np.round(states[:, 2]) * math.pi / 2])
         for state, depth in zip(states, Penetration(robot.footprint, shape).at(states), strict=True):
-            body = [se2.transform(state, piece) for piece in convex_pieces(robot.outline)]
-            sums = [(a[:, None] - b).reshape(-1, 2) for a in convex_pieces(shape) for b in body]
+            body = [se2.transform(state, piece) for piece in triangulate(robot.outline)]
+            sums = [(a[:, None] - b).reshape(-1, 2) for a in triangulate(shape) for b in body]
             blocked = shapely.union_all([shapely.MultiPoint(points).convex_hull for points in sums])
             origin = shapely.Point(0.0, 0.0)
             expected = blocked.boundary.distance(origin) if blocked.contains(origin) else 0.0

@@ -17,12 +17,16 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape, convex_pieces
+from trailmark.shapes import Disc, Polygon, Shape, triangulate
 
 __all__ = ["Penetration", "bounds_depth", "outside_of"]
 
 CHORDS = 128
 """Of a quarter of a circle, where a disc's region is made a polygon: it is too large by 2e-5 of the radius at most."""
+
+
+JOINED = 48
+"""Triangles at most that are joined to larger convex pieces: of more, few are near at a time."""
 
 
 class Penetration:
@@ -124,12 +128,12 @@ class Penetration:
 
     @cached_property
     def _body_pieces(self) -> FloatArray:
-        return np.array(convex_pieces(self._body.polygon()))
+        return _convex_pieces(self._body.polygon())
 
     @cached_property
     def _pieces(self) -> tuple[FloatArray, FloatArray]:
         """The shape's convex pieces, (k, m, 2), and the boxes around them, (k, 4)."""
-        pieces = np.array(convex_pieces(self._shape.polygon()))
+        pieces = _convex_pieces(self._shape.polygon())
         return pieces, np.hstack([pieces.min(axis=1), pieces.max(axis=1)])
 
 
@@ -147,3 +151,27 @@ def bounds_depth(body: Shape, bounds: tuple[float, float, float, float], states:
     low, high = placed.min(axis=1) - radius, placed.max(axis=1) + radius
     over = np.maximum(0.0, np.maximum(np.asarray(bounds[:2]) - low, high - np.asarray(bounds[2:])))
     return np.asarray(np.hypot(*over.T))
+
+
+def _convex_pieces(polygon: Polygon) -> FloatArray:
+    """Return convex polygons that make up a polygon, (k, m, 2); of those with fewer vertices the last is repeated."""
+    region = polygon.shapely()
+    if not polygon.holes and shapely.convex_hull(region).area <= region.area * (1.0 + 1e-12):
+        return np.array(polygon.vertices[None])
+    triangles = triangulate(polygon)
+    if len(triangles) > JOINED:
+        return triangles
+    pieces = list[shapely.Polygon]()
+    for piece in shapely.polygons(triangles):
+        k = 0
+        while k < len(pieces):
+            hull = shapely.convex_hull(shapely.MultiPolygon([piece, pieces[k]]))
+            if hull.area <= (piece.area + pieces[k].area) * (1.0 + 1e-12):
+                del pieces[k]
+                piece, k = hull, 0
+            else:
+                k += 1
+        pieces.append(piece)
+    rings = [shapely.get_coordinates(piece)[:-1] for piece in pieces]
+    most = max(map(len, rings))
+    return np.array([np.vstack([ring, np.repeat(ring[-1:], most - len(ring), axis=0)]) for ring in rings])

@@ -176,7 +176,7 @@ def least_distance(
                 high[0] = 0.0
                 if i == len(way.starts) - 1:
                     low[1], high[1], begins[1], ends[1], depth = 1.0, 1.0, 0, n, 2
-            while depth > 0 and best > tolerance:
+            while depth > 0 and (best > tolerance or not between):
                 depth -= 1
                 begin, end = begins[depth], ends[depth]
                 half, middle = 0.5 * (high[depth] - low[depth]), 0.5 * (low[depth] + high[depth])
