@@ -314,6 +314,12 @@ def test_what_is_no_path_is_refused_in_one_line(path: Any, message: str) -> None
     assert "\n" not in str(caught.value)
 
 
+def test_the_names_are_in_the_module_of_audits_too() -> None:
+    from trailmark import audit as module
+
+    assert (module.check_path, module.PathAuditor, module.PathAudit) == (check_path, PathAuditor, PathAudit)
+
+
 def test_without_a_robot_or_a_world_nothing_is_audited() -> None:
     with pytest.raises(WorldError, match="names no robot"):
         check_path(World("w", BOUNDS), None, [[1, 1, 0], [2, 2, 0]])

@@ -1,4 +1,4 @@
-"""The final check's index of cells finds every edge that is near, as the tree of the polygons' edges does."""
+"""The index of cells finds every edge that is near, as the tree of the polygons' edges does."""
 
 from __future__ import annotations
 
