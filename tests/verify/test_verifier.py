@@ -1,4 +1,4 @@
-"""The verifier at the planner's exit: it finds the paths that collide, by shapely's word, and lets those pass that do not."""
+"""The verifier at the planner's exit: it finds the paths that collide, by shapely's word, and lets the others pass."""
 
 from __future__ import annotations
 

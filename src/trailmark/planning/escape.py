@@ -75,7 +75,8 @@ EDGES = 8
 SAME = 0.1
 """Circumradii, and radians, within which two places are one."""
 
-Blocks = list[tuple[tuple[float, float, float, float], Penetration]]
+Blocks = tuple[FloatArray, list[Penetration]]
+"""Boxes around all that blocks, but for the bounds, shape (n, 4), and how deep the robot is in each."""
 
 
 def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
@@ -239,8 +240,9 @@ def _shift_out(checker: StateChecker, q: FloatArray, all_: StateChecker) -> Floa
 def _free_shifts(checker: StateChecker, blocks: Blocks, q: FloatArray, reach: float) -> shapely.Geometry:
     """Return the translations (metres) by at most ``reach`` along x and y to where the robot is free."""
     low, high = q[:2] - checker.robot.circumradius - reach, q[:2] + checker.robot.circumradius + reach
-    near = [block for box, block in blocks if (low <= box[2:]).all() and (high >= box[:2]).all()]
-    blocked = shapely.union_all([block.overlapping(q, reach) for block in near])
+    boxes, depths = blocks
+    near = np.flatnonzero((low <= boxes[:, 2:]).all(axis=1) & (high >= boxes[:, :2]).all(axis=1))
+    blocked = shapely.union_all([depths[i].overlapping(q, reach) for i in near])
     xmin, ymin, xmax, ymax = checker.world.bounds
     footprint = checker.footprint
     placed = q[None, :2] if footprint.is_disc else se2.transform(q, footprint.outline)
@@ -262,11 +264,12 @@ def _shortest(free: shapely.Geometry, reach: float) -> FloatArray | None:
 
 
 def _blocks(checker: StateChecker) -> Blocks:
-    """Return the boxes of all that blocks, but for the bounds, and how deep the robot is in each."""
+    """Return all that blocks a checker's robot, but for the bounds."""
     world, robot = checker.world, checker.robot
     outside = [] if world.boundary is None else [outside_of(world.boundary, world.extent)]
     shapes = [*world.obstacles, *outside]
-    return [(shape.bounding_box(), Penetration(robot.footprint, shape, robot.clearance)) for shape in shapes]
+    boxes = np.array([shape.bounding_box() for shape in shapes]).reshape(-1, 4)
+    return boxes, [Penetration(robot.footprint, shape, robot.clearance) for shape in shapes]
 
 
 def _arcs(robot: Robot, q: FloatArray, sides: tuple[float, ...] = (0.0, 1.0, -1.0)) -> FloatArray:
