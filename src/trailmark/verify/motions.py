@@ -54,7 +54,9 @@ class Motions:
             if len(way.starts):
                 return cls(way, radius, off)
         states = path.states if len(path.states) > 1 else np.repeat(path.states, 2, axis=0)
-        return cls(Way(states[:-1], se2.difference(states[:-1], states[1:]), np.zeros(len(states) - 1)), radius)
+        # A copy: read-only arrays would be another type to the kernels, and compiled for anew.
+        starts = states[:-1].copy()
+        return cls(Way(starts, se2.difference(starts, states[1:]), np.zeros(len(starts))), radius)
 
     @property
     def total(self) -> float:
