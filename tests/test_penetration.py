@@ -105,3 +105,17 @@ def test_the_way_back_inside_the_bounds() -> None:
     states = np.array([[5, 5, 1], [0.3, 5, 0], [9.9, 9.8, 0], [0.5, 0.5, math.pi / 2]])
     assert bounds_depth(Robot.rectangle(1, 1).footprint, bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
     assert bounds_depth(Robot.disc(0.5).footprint, bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("robot", [L_ROBOT, Robot.disc(0.4)])
+def test_a_shape_of_many_vertices_is_as_deep_as_one_of_few(robot: Robot) -> None:
+    ring = np.concatenate([np.linspace(a, b, 100, endpoint=False) for a, b in zip(*_sides(U_SHAPE), strict=True)])
+    rng = np.random.default_rng(2)
+    states = np.column_stack([rng.uniform(-1, 5, (60, 2)), rng.uniform(-3, 3, 60)])
+    expected = Penetration(robot.footprint, U_SHAPE).at(states)
+    assert np.count_nonzero(expected) > 20
+    assert Penetration(robot.footprint, Polygon(ring)).at(states) == pytest.approx(expected, abs=1e-4)
+
+
+def _sides(polygon: Polygon) -> tuple[np.ndarray, np.ndarray]:
+    return polygon.vertices, np.roll(polygon.vertices, -1, axis=0)

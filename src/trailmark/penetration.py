@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape, triangulate
+from trailmark.shapes import Disc, Polygon, Shape
 
 __all__ = ["Penetration", "bounds_depth", "outside_of"]
 
@@ -25,8 +25,8 @@ CHORDS = 128
 """Of a quarter of a circle, where a disc's region is made a polygon: it is too large by 2e-5 of the radius at most."""
 
 
-JOINED = 48
-"""Triangles at most that are joined to larger convex pieces: of more, few are near at a time."""
+JOINED, LARGE = 24, 200
+"""Triangles at most that are joined to larger convex pieces, vertices at most of a shape that is looked at whole."""
 
 
 class Penetration:
@@ -45,20 +45,20 @@ class Penetration:
     def at(self, states: FloatArray) -> FloatArray:
         """Return the penetration depth (metres, 0 where there is none) at configurations (n, 3), shape (n,)."""
         places, disc = np.asarray(states[:, :2]), isinstance(self._body, Disc)
-        if disc or isinstance(self._shape, Disc):
+        if isinstance(self._shape, Disc) or (disc and not self._large):
             if isinstance(self._shape, Disc):
                 places = places - self._shape.center
             if not disc:
                 # The disc as the robot sees it.
                 cos, sin, (x, y) = np.cos(states[:, 2]), np.sin(states[:, 2]), -places.T
                 places = np.column_stack([cos * x + sin * y, cos * y - sin * x])
-            return self._depths(np.array([self._alone]), places)
-        found, left, reach = np.zeros(len(states)), np.arange(len(states)), self._span
+            return _depths(*self._alone_grown, np.zeros(len(states), np.intp), places)
+        found, left, reach = np.zeros(len(states)), np.arange(len(states)), self._span + self._radius
         while len(left):
             low, high = places[left].min(axis=0), places[left].max(axis=0)
-            headings, of = np.unique(states[left, 2], return_inverse=True)
+            headings, of = np.unique(np.zeros(len(left)) if disc else states[left, 2], return_inverse=True)
             parts, everything = self._differences(headings, low, high, reach)
-            found[left] = self._depths(parts[of], places[left] - low)
+            found[left] = _depths(*self._grown(parts), of, places[left] - low)
             left, reach = left[(found[left] > reach) & (not everything)], 2.0 * reach
         return found
 
@@ -67,7 +67,7 @@ class Penetration:
 
         It holds all of these, and may hold longer ones, and shorter ones within 2e-5 of what the shapes are rounded by.
         """
-        if isinstance(self._body, Disc):
+        if isinstance(self._body, Disc) and not self._large:
             center = np.asarray(self._shape.center) if isinstance(self._shape, Disc) else np.zeros(2)
             part = shapely.transform(self._alone, lambda rows: rows + center - q[:2])
         elif isinstance(self._shape, Disc):
@@ -79,41 +79,44 @@ class Penetration:
         radius = self._radius / cos(0.25 * pi / CHORDS)
         return shapely.buffer(part, radius, quad_segs=CHORDS) if radius else part
 
-    def _depths(self, parts: NDArray[Any], places: FloatArray) -> FloatArray:
-        """Return how far points (n, 2) are inside Minkowski differences, grown by what the shapes are rounded by.
+    def _grown(self, parts: NDArray[Any]) -> tuple[NDArray[Any], float]:
+        """Return Minkowski differences grown by what the shapes are rounded by, and by how much they are still to be.
 
-        Args:
-            parts: one for each place, or a single one.
-            places: shape (n, 2).
+        Of convex ones distances tell that.
         """
-        radius, points = self._radius, shapely.points(places)
-        area = shapely.area(parts)
-        if radius and (shapely.area(shapely.convex_hull(parts)) > area * (1.0 + 1e-12)).any():
-            parts, radius = shapely.buffer(parts, radius, quad_segs=CHORDS), 0.0
-        apart = -shapely.distance(parts, points)
-        within = (area > 0.0) & shapely.contains(parts, points)
-        apart[within] = shapely.distance(shapely.boundary(parts), points)[within]
-        return np.asarray(np.maximum(0.0, np.where(np.isnan(apart), 0.0, radius + apart)))
+        if self._radius and (shapely.area(shapely.convex_hull(parts)) > shapely.area(parts) * (1.0 + 1e-12)).any():
+            return shapely.buffer(parts, self._radius, quad_segs=CHORDS), 0.0
+        return parts, self._radius
 
     def _differences(
         self, headings: FloatArray, low: FloatArray, high: FloatArray, reach: float
     ) -> tuple[NDArray[Any], bool]:
-        """Return where, seen from ``low``, the reference point must not be at headings (n,), (n,): of polygons.
+        """Return where, seen from ``low``, the reference point must not be at headings (n,), (n,): in a polygon.
 
         That is exact to ``reach`` metres from any place between ``low`` and ``high``, and whether it is everywhere.
         """
-        pieces, boxes = self._pieces
         room = self._span + self._radius + reach
-        near = (boxes[:, :2] <= high + room).all(axis=1) & (boxes[:, 2:] >= low - room).all(axis=1)
+        window = shapely.box(*(low - room), *(high + room))
+        if self._large:
+            everything = bool(shapely.covers(window, shapely.box(*self._shape.bounding_box())))
+            region = shapely.intersection(self._region, window)
+            if isinstance(self._body, Disc):
+                return np.array([shapely.transform(region, lambda rows: rows - low)]), everything
+            parts = [part for part in shapely.get_parts(region) if part.geom_type == "Polygon"]
+            near = _padded([ring for part in parts for ring in _convex_pieces(part)])
+        else:
+            pieces, boxes = self._pieces
+            inside = shapely.intersects(window, boxes)
+            near, everything = pieces[inside], bool(inside.all())
         turned = np.column_stack([np.zeros((len(headings), 2)), headings])
         body = se2.transform(turned, self._body_pieces.reshape(-1, 2)).reshape(len(headings), *self._body_pieces.shape)
         # Headings, pieces of the shape, pieces of the body, vertices of the one, and of the other.
-        sums = (pieces[near] - low)[None, :, None, :, None] - body[:, None, :, None]
+        sums = (near - low)[None, :, None, :, None] - body[:, None, :, None]
         if sums.shape[1] == 0:
-            return np.full(len(headings), shapely.Polygon()), bool(near.all())
+            return np.full(len(headings), shapely.Polygon()), everything
         shape = len(headings), sums.shape[1] * sums.shape[2]
         hulls = shapely.convex_hull(shapely.linestrings(sums.reshape(*shape, -1, 2)))
-        return np.asarray(hulls[:, 0] if shape[1] == 1 else shapely.union_all(hulls, axis=1)), bool(near.all())
+        return np.asarray(hulls[:, 0] if shape[1] == 1 else shapely.union_all(hulls, axis=1)), everything
 
     @cached_property
     def _alone(self) -> shapely.Geometry:
@@ -122,19 +125,33 @@ class Penetration:
         return shapely.Point(0.0, 0.0) if isinstance(shape, Disc) else shape.polygon().shapely()
 
     @cached_property
+    def _alone_grown(self) -> tuple[NDArray[Any], float]:
+        return self._grown(np.array([self._alone]))
+
+    @cached_property
+    def _region(self) -> shapely.Polygon:
+        return self._shape.polygon().shapely()
+
+    @cached_property
+    def _large(self) -> bool:
+        """Whether the shape has so many vertices that it is looked at in a window."""
+        shape = self._shape
+        return isinstance(shape, Polygon) and len(shape.vertices) + sum(map(len, shape.holes)) > LARGE
+
+    @cached_property
     def _span(self) -> float:
         """Largest distance of the body from its reference point, metres, of a disc's centre."""
         return 0.0 if isinstance(self._body, Disc) else float(np.hypot(*self._body.polygon().vertices.T).max())
 
     @cached_property
     def _body_pieces(self) -> FloatArray:
-        return _convex_pieces(self._body.polygon())
+        return _padded(_convex_pieces(self._body.polygon().shapely()))
 
     @cached_property
-    def _pieces(self) -> tuple[FloatArray, FloatArray]:
-        """The shape's convex pieces, (k, m, 2), and the boxes around them, (k, 4)."""
-        pieces = _convex_pieces(self._shape.polygon())
-        return pieces, np.hstack([pieces.min(axis=1), pieces.max(axis=1)])
+    def _pieces(self) -> tuple[FloatArray, NDArray[Any]]:
+        """The shape's convex pieces, (k, m, 2), and the boxes around them, (k,)."""
+        pieces = _padded(_convex_pieces(self._region))
+        return pieces, shapely.box(*pieces.min(axis=1).T, *pieces.max(axis=1).T)
 
 
 def outside_of(boundary: Polygon, room: float) -> Polygon:
@@ -153,17 +170,30 @@ def bounds_depth(body: Shape, bounds: tuple[float, float, float, float], states:
     return np.asarray(np.hypot(*over.T))
 
 
-def _convex_pieces(polygon: Polygon) -> FloatArray:
-    """Return convex polygons that make up a polygon, (k, m, 2); of those with fewer vertices the last is repeated."""
-    region = polygon.shapely()
-    if not polygon.holes and shapely.convex_hull(region).area <= region.area * (1.0 + 1e-12):
-        return np.array(polygon.vertices[None])
-    triangles = triangulate(polygon)
-    if len(triangles) > JOINED:
-        return triangles
+def _depths(parts: NDArray[Any], radius: float, of: NDArray[np.intp], places: FloatArray) -> FloatArray:
+    """Return how far points (n, 2) are inside of regions that are grown by ``radius`` metres, shape (n,).
+
+    Args:
+        parts: the regions.
+        radius: metres.
+        of: which region for each point, (n,).
+        places: the points.
+    """
+    points, area = shapely.points(places), shapely.area(parts)[of]
+    apart = -shapely.distance(parts[of], points)
+    within = (area > 0.0) & shapely.contains(parts[of], points)
+    apart[within] = shapely.distance(shapely.boundary(parts)[of], points)[within]
+    return np.asarray(np.maximum(0.0, np.where(np.isnan(apart), 0.0, radius + apart)))
+
+
+def _convex_pieces(region: shapely.Polygon) -> list[FloatArray]:
+    """Return convex polygons that make up a polygon, each of shape (n, 2)."""
+    if shapely.convex_hull(region).area <= region.area * (1.0 + 1e-12):
+        return [shapely.get_coordinates(region.exterior)[:-1]]
     pieces = list[shapely.Polygon]()
-    for piece in shapely.polygons(triangles):
-        k = 0
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(region)).tolist()
+    for piece in triangles:
+        k = 0 if len(triangles) <= JOINED else len(pieces)
         while k < len(pieces):
             hull = shapely.convex_hull(shapely.MultiPolygon([piece, pieces[k]]))
             if hull.area <= (piece.area + pieces[k].area) * (1.0 + 1e-12):
@@ -172,6 +202,11 @@ def _convex_pieces(polygon: Polygon) -> FloatArray:
             else:
                 k += 1
         pieces.append(piece)
-    rings = [shapely.get_coordinates(piece)[:-1] for piece in pieces]
-    most = max(map(len, rings))
-    return np.array([np.vstack([ring, np.repeat(ring[-1:], most - len(ring), axis=0)]) for ring in rings])
+    return [shapely.get_coordinates(piece)[:-1] for piece in pieces]
+
+
+def _padded(rings: list[FloatArray]) -> FloatArray:
+    """Return rings as one array, (k, m, 2); of those with fewer vertices the last is repeated."""
+    most = max(map(len, rings), default=3)
+    rows = [np.vstack([ring, np.repeat(ring[-1:], most - len(ring), axis=0)]) for ring in rings]
+    return np.array(rows).reshape(-1, most, 2)
