@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 PARTS = {
     "trailmark": "The names that most programs need.",
-    "trailmark.audit": "Is anybody's path free?",
+    "trailmark.verify": "Is anybody's path free?",
     "trailmark.collision": "Is a configuration free, how far is it from the obstacles, is a motion free?",
     "trailmark.curves": "Dubins and Reeds-Shepp curves.",
     "trailmark.estimation": "Filters, SLAM, scans, maps, risk, simulation and logs.",

@@ -12,9 +12,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 from trailmark import LandmarkPlanner, PathAuditor, StateChecker, World
-from trailmark.audit.auditor import repaired
 from trailmark.formats.any_path import read_any_path
 from trailmark.plotting import draw_audit, draw_world
+from trailmark.verify import repaired
 
 # %%
 # Here the path leads straight from one end of a query to the other, through whatever is in the way. Nothing is sampled:

@@ -19,7 +19,6 @@ from benchmarks.soundness.walls import ceiling_world, spiked_world
 from benchmarks.soundness.zones import ROBOTS as LEAVING
 from benchmarks.soundness.zones import corner_query, judge_leaving, leaving_scene
 from trailmark import se2
-from trailmark.audit import check_path
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion
@@ -27,6 +26,7 @@ from trailmark.path import Path as Way
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.proofs import LowerBound
 from trailmark.shapes import Disc, Rectangle
+from trailmark.verify import check_path
 from trailmark.world import Robot, World
 
 __all__ = ["PARTS", "Part"]

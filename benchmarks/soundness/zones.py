@@ -13,9 +13,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.audit import check_path
 from trailmark.path import Path
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.verify import check_path
 from trailmark.world import Robot, World
 from trailmark.zones import KeepOutZone, OneWayZone
 

@@ -10,9 +10,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trailmark.audit import PathAudit as PathAudit
-    from trailmark.audit import PathAuditor as PathAuditor
-    from trailmark.audit import check_path as check_path
     from trailmark.changes import Change as Change
     from trailmark.changes import Changes as Changes
     from trailmark.collision import StateChecker as StateChecker
@@ -41,6 +38,9 @@ if TYPE_CHECKING:
     from trailmark.shapes import Polygon as Polygon
     from trailmark.shapes import Rectangle as Rectangle
     from trailmark.trajectories import Trajectory as Trajectory
+    from trailmark.verify import PathAudit as PathAudit
+    from trailmark.verify import PathAuditor as PathAuditor
+    from trailmark.verify import check_path as check_path
     from trailmark.world import Query as Query
     from trailmark.world import Robot as Robot
     from trailmark.world import World as World
@@ -52,9 +52,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "PathAudit": "audit",
-    "PathAuditor": "audit",
-    "check_path": "audit",
+    "PathAudit": "verify",
+    "PathAuditor": "verify",
+    "check_path": "verify",
     "Change": "changes",
     "Changes": "changes",
     "StateChecker": "collision",

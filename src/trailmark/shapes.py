@@ -27,7 +27,6 @@ __all__ = [
     "Polygon",
     "Rectangle",
     "Shape",
-    "convex_pieces",
     "displaced",
     "shape_of",
     "shapes_of",
@@ -360,13 +359,3 @@ def triangulate(polygon: Polygon) -> FloatArray:
     clockwise = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0.0
     corners[clockwise] = corners[clockwise][:, ::-1]
     return np.ascontiguousarray(corners)
-
-
-def convex_pieces(polygon: Polygon) -> list[FloatArray]:
-    """Return convex polygons that make up a polygon, each of shape (n, 2): itself, or triangles."""
-    import shapely
-
-    region = polygon.shapely()
-    if not polygon.holes and shapely.convex_hull(region).area <= region.area * (1.0 + 1e-12):
-        return [polygon.vertices]
-    return list(triangulate(polygon))

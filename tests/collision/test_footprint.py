@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from tests.helpers.random_worlds import ROBOTS, star_polygon
 
 from trailmark.collision import StateChecker
-from trailmark.collision.footprint import (
+from trailmark.collision.footprint import build_footprint
+from trailmark.shapes import Disc, signed_area
+from trailmark.touching import (
     TOUCHING_TOLERANCE,
-    build_footprint,
     eroded,
     overlap_core,
     touching_depth,
 )
-from trailmark.shapes import Disc, signed_area
 from trailmark.world import Robot, World
 
 SHAPES = {

@@ -17,10 +17,10 @@ from trailmark.errors import ShapeError
 from trailmark.landmarks import free_samples
 from trailmark.motion import DifferentialMotion, motion_of
 from trailmark.planning import LandmarkPlanner, PlannerSettings
-from trailmark.planning.final_check import FinalCheck
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray, difference
 from trailmark.shapes import Disc, Rectangle
+from trailmark.verify import RIM, Verifier
 from trailmark.world import Robot, World
 
 OPEN = World("open", (-50.0, -50.0, 50.0, 50.0), ())
@@ -136,7 +136,7 @@ def test_paths_turn_in_place_and_drive_ahead(robot: Robot) -> None:
 
 
 def test_the_final_check_refuses_what_cannot_be_driven() -> None:
-    motion, check = motion_in(OPEN, CART), FinalCheck(OPEN, CART)
+    motion, check = motion_in(OPEN, CART), Verifier(OPEN, CART, RIM)
     ends = np.array([[0.0, 0.0, 0.0], [3.0, 1.0, 1.0]])
     path = motion.path(ends)
     assert check.fault(path, *ends) is None
@@ -144,7 +144,7 @@ def test_the_final_check_refuses_what_cannot_be_driven() -> None:
         states = other.states.copy()
         if len(states) > 2:
             states = states[::-1].copy()
-        fault = FinalCheck(OPEN, robot).fault(type(other)(states), states[0], states[-1])
+        fault = Verifier(OPEN, robot, RIM).fault(type(other)(states), states[0], states[-1])
         assert fault is not None
         assert "neither a turn in place nor a drive ahead" in fault
 

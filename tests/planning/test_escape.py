@@ -8,8 +8,8 @@ from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
 from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, Polygon, Rectangle, StateChecker, World, check_path
-from trailmark.audit.depth import Penetration
 from trailmark.motion import motion_of
+from trailmark.penetration import Penetration
 from trailmark.planning.escape import way_out
 from trailmark.world import Robot
 
@@ -23,7 +23,7 @@ def depth_of(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
     low, high = states[:, :2].min(axis=0) - reach, states[:, :2].max(axis=0) + reach
     boxes = np.array([shape.bounding_box() for shape in world.obstacles])
     near = np.flatnonzero((boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1))
-    return np.asarray(np.max([Penetration(robot, world.obstacles[i]).at(states) for i in near], axis=0))
+    return np.asarray(np.max([Penetration(robot.footprint, world.obstacles[i]).at(states) for i in near], axis=0))
 
 
 @pytest.mark.slow
@@ -56,7 +56,7 @@ def test_it_is_the_shortest_to_a_single_obstacle() -> None:
         for start in ([9.2, 4.0, 0.2], [10.9, 2.0, 0.0], [10.0, 5.8, 1.0]):
             out = way_out(checker, np.array(start))
             assert out is not None
-            depth = Penetration(robot, WALL.obstacles[0]).at(np.array([start]))[0]
+            depth = Penetration(robot.footprint, WALL.obstacles[0]).at(np.array([start]))[0]
             assert np.hypot(*(out[-1] - out[0])[:2]) == pytest.approx(depth, abs=1e-4)
 
 
@@ -122,8 +122,8 @@ def test_a_differential_drive_with_its_nose_in_a_wall_touches_nothing_else() -> 
     assert result.path is not None
     assert result.escape == 1
     states = result.path.resample(0.01).states
-    assert Penetration(robot, post).at(states).max() == 0.0
-    assert Penetration(robot, wall).at(states).max() == Penetration(robot, wall).at(states[:1])[0]
+    assert Penetration(robot.footprint, post).at(states).max() == 0.0
+    assert Penetration(robot.footprint, wall).at(states).max() == Penetration(robot.footprint, wall).at(states[:1])[0]
 
 
 def test_there_may_be_no_way_out() -> None:

@@ -354,8 +354,8 @@ def test_robot_and_checker_may_be_given(judge: Judge) -> None:
 @pytest.mark.parametrize(
     ("start", "goal", "said"),
     [
-        ((10.0, 2.0, 0.0), (2, 2, 0), r"start \(10, 2, 0\) is not valid: .* overlaps obstacle 0 \(rectangle\) by 0\."),
-        ((2, 2, 0), (10.0, 9.5, 0.0), r"goal \(10, 9.5, 0\) is not valid: .* overlaps obstacle 1 \(rectangle\) by 0\."),
+        ((10.0, 2.0, 0.0), (2, 2, 0), r"start \(10, 2, 0\) is not valid: .* overlaps obstacle 0 \(rectangle\) by \d"),
+        ((2, 2, 0), (10.0, 9.5, 0.0), r"goal \(10, 9.5, 0\) is not valid: .* overlaps obstacle 1 \(rectangle\) by \d"),
         ((0.3, 2.0, 0.0), (2, 2, 0), r"start .* \(rectangle 1 x 0.6 m\) reaches 0.2 m over the left bound"),
         ((2, 2, 0), (30.0, 2.0, 0.0), r"goal .* reaches 10.5 m over the right bound"),
         ((2, 2), (2, 2, 0), r"start: expected shape \(3,\) or \(n, 3\) for x, y, theta, got \(2,\)"),

@@ -42,7 +42,7 @@ IMPORTED = (
     "ompl.util",
     "scipy.stats",
     "sklearn.cluster",
-    "trailmark.audit",
+    "trailmark.verify",
     "trailmark.benchmark.isolation.child",
     "trailmark.benchmark.report",
     "trailmark.cli",

@@ -15,9 +15,9 @@ import numpy as np
 import shapely
 
 from trailmark import se2
-from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.keep_out import with_keep_outs
 from trailmark.shapes import Disc, Polygon, triangulate
+from trailmark.touching import TOUCHING_TOLERANCE, overlap_core
 from trailmark.world import Query, Robot, World
 
 __all__ = ["VERSION", "problem_text"]

@@ -12,8 +12,9 @@ from trailmark.cli import console, options
 from trailmark.cli.options import option
 
 if TYPE_CHECKING:
-    from trailmark.audit import PathAudit, PathAuditor
+    from trailmark.formats.any_path import PathFile
     from trailmark.path import Path as RobotPath
+    from trailmark.verify import PathAudit, PathAuditor
     from trailmark.world import Robot
 
 __all__ = ["check"]
@@ -29,6 +30,10 @@ SHOWN = 12
 
 SLACK = 1e-3
 """Share by which a path's curvature may exceed the robot's: that of circles through states with few digits."""
+
+
+SMALLEST_RADIUS = 1e-6
+"""Metres: who follows a smaller turning radius turns in place, and its arcs would be more than can be audited."""
 
 
 def check(
@@ -86,10 +91,9 @@ def check(
         if found.headings > 2.0 * math.pi:
             console.warn(f"{file}: headings of up to {found.headings:g} are taken as radians; are they in degrees?")
 
-        from trailmark.audit import PathAuditor
-        from trailmark.audit.auditor import recorded_path
         from trailmark.collision import StateChecker
         from trailmark.errors import ConfigurationError, FormatError
+        from trailmark.verify import PathAuditor
 
         progress.stage("checking (compiles on first use)")
         auditor = PathAuditor(StateChecker(loaded, body))
@@ -124,6 +128,38 @@ def check(
     raise typer.Exit(0 if final.free and not final.undrivable else WRONG)
 
 
+def recorded_path(found: PathFile, file: Path) -> RobotPath:
+    """Return what a path file describes: a :class:`~trailmark.curves.CurvePath` if it records curves, else its states.
+
+    Curves count as long as the states beside them are theirs: who edits the states wants those.
+
+    Raises:
+        FormatError: curves that are none.
+    """
+    import numpy as np
+
+    from trailmark.arguments import brief, real
+    from trailmark.curves import CurvePath, Steering
+    from trailmark.errors import FormatError, TrailmarkError
+    from trailmark.robot import TURNING_LIMIT
+
+    if found.curve is None:
+        return found.path
+    curve = found.curve if isinstance(found.curve, dict) else {}
+    kind, radius, knots, places = (curve.get(key) for key in ("kind", "turning_radius", "knots", "places"))
+    if kind not in ("dubins", "reeds-shepp"):
+        raise FormatError(file, f"curve: kind: expected dubins or reeds-shepp, got {brief(kind)}")
+    if not SMALLEST_RADIUS <= real(radius) <= TURNING_LIMIT:
+        allowed = f"expected metres from {SMALLEST_RADIUS:g} to {TURNING_LIMIT:g}"
+        raise FormatError(file, f"curve: turning radius: {allowed}, got {brief(radius)}")
+    try:
+        curves = CurvePath(knots, Steering(real(radius), reverse=kind == "reeds-shepp"), places)  # type: ignore[arg-type]  # checked
+    except TrailmarkError as error:
+        raise FormatError(file, f"curve: {error}") from None
+    same = len(curves) == len(found.path) and np.allclose(curves.states, found.path.states, rtol=0.0, atol=1e-6)
+    return curves if same else found.path
+
+
 def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:
     """Return a proven lower bound on the cost of any path between the same ends; None where an end is not valid."""
     from trailmark.planning.proofs.bound import LowerBound
@@ -137,9 +173,9 @@ def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:
 
 def _repaired(auditor: PathAuditor, audit: PathAudit, seed: int, limit: float) -> RobotPath | None:
     """Return the repaired path; say in one line on stderr why there is none."""
-    from trailmark.audit.auditor import repaired
     from trailmark.errors import ConfigurationError
     from trailmark.planning import LandmarkPlanner
+    from trailmark.verify import repaired
 
     planner: Any = None
 

@@ -76,7 +76,6 @@ def _stages() -> dict[str, Callable[[], None]]:
     }
     others = {
         "OMPL's planners": _warm_up_pointwise,
-        "audits": _warm_up_audits,
         "maps from logs": _warm_up_logs,
         "exploration": warm_up_exploration,
     }
@@ -106,18 +105,6 @@ def _warm_up_pointwise() -> None:
         single.step_valid(*a, *b)
         if steering is not None:
             CurveMarks(single)
-
-
-def _warm_up_audits() -> None:
-    """Audit a path that is free and one that collides."""
-    from trailmark.audit import PathAuditor
-    from trailmark.collision import StateChecker
-    from trailmark.planning.warmup import ROBOTS, SMALL
-
-    world, (start, goal) = SMALL
-    auditor = PathAuditor(StateChecker(world, ROBOTS["straight"]))
-    auditor.audit([start, goal])
-    auditor.audit([start, start])
 
 
 def _warm_up_logs() -> None:

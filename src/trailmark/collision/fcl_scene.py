@@ -16,12 +16,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.compiled import njit
 from trailmark.lock import Lock
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape, triangulate
 from trailmark.sorting import order_of
+from trailmark.touching import TOUCHING_TOLERANCE, overlap_core
 from trailmark.world import Robot, World
 
 __all__ = ["FclScene"]

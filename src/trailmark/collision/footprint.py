@@ -9,23 +9,15 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark.shapes import Disc
+from trailmark.touching import THINNER, TOUCHING_TOLERANCE, eroded, touching_depth
 from trailmark.world import Robot
 
-__all__ = ["DEEP_TOLERANCE", "TOUCHING_TOLERANCE", "Footprint", "build_footprint", "eroded", "overlap_core"]
+__all__ = ["DEEP_TOLERANCE", "Footprint", "build_footprint"]
 
 FloatArray = NDArray[np.float64]
 
-TOUCHING_TOLERANCE = 1e-7
-"""Overlap (metres) up to which two regions count as touching, which is allowed."""
-
 DEEP_TOLERANCE = 3e-7
 """Overlap (metres) from which the kernels decide that there is a collision; between the two FCL decides."""
-
-THINNER = 0.9
-"""Times what corners allow, an erosion is deep: the error of buffers is a few per cent of their distance."""
-
-FINER = 6
-"""How many times an erosion is made ten times thinner for sharp tips: to about 1e-14 m, the size of rounding."""
 
 MAX_TILES = 48
 """Maximum number of tiles along each side of a footprint: a very thin one would need any number."""
@@ -93,56 +85,6 @@ def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
         clearance,
         THINNER * touching_depth(outline),
     )
-
-
-def eroded(region: shapely.Polygon, depth: float) -> shapely.Geometry:
-    """Return the region shrunk by ``depth`` metres.
-
-    Convex corners stay sharp. Reflex ones are rounded by an inscribed polyline, so that nothing deeper than ``depth``
-    is lost there: a mitre would extend far inside the region from the end of a narrow notch.
-    """
-    return shapely.buffer(region, -depth, join_style="round", quad_segs=2)
-
-
-def overlap_core(outline: FloatArray) -> list[shapely.Polygon]:
-    """Return the parts of a footprint that may meet no obstacle: all of it but a rim, since touching is allowed.
-
-    No point of the footprint is farther from them than TOUCHING_TOLERANCE. An erosion alone shortens sharp tips by much
-    more (by d / sin(a) at a corner of angle 2a): thinner and thinner erosions add what it loses there.
-
-    Args:
-        outline: vertices, shape (v, 2), counter-clockwise, metres.
-    """
-    region = shapely.Polygon(outline)
-    depth = THINNER * touching_depth(outline)
-    parts = shapely.get_parts(eroded(region, depth)).tolist()
-    for _ in range(FINER):
-        core = shapely.union_all(parts)
-        lost = shapely.difference(region.exterior, shapely.buffer(core, 0.95 * TOUCHING_TOLERANCE, quad_segs=16))
-        if lost.is_empty:
-            break
-        depth *= 0.1
-        # Only around what is lost, so that the rim is left out elsewhere. The new parts overlap the earlier ones.
-        ends = shapely.points(shapely.get_coordinates(lost))
-        reach = float(np.hypot(*np.ptp(outline, axis=0))) if core.is_empty else shapely.distance(ends, core).max()
-        around = shapely.buffer(lost, 1.1 * reach)
-        parts += shapely.get_parts(shapely.intersection(eroded(region, depth), around)).tolist()
-    return [part for part in parts if part.geom_type == "Polygon" and not part.is_empty]
-
-
-def touching_depth(outline: FloatArray) -> float:
-    """Return the depth (metres) of erosion that shortens no corner by more than TOUCHING_TOLERANCE.
-
-    An erosion by d shortens a corner of angle 2a by d / sin(a). Corners sharper than 11 degrees may be shortened by
-    more: the depth is never less than a tenth of the tolerance, because of rounding.
-
-    Args:
-        outline: shape (v, 2), counter-clockwise.
-    """
-    back, ahead = np.roll(outline, 1, axis=0) - outline, np.roll(outline, -1, axis=0) - outline
-    angle = np.arctan2(ahead[:, 0] * back[:, 1] - ahead[:, 1] * back[:, 0], (ahead * back).sum(axis=1))
-    convex = angle[angle > 0.0]
-    return TOUCHING_TOLERANCE * max(0.1, float(np.sin(0.5 * convex).min(initial=1.0)))
 
 
 def _largest_ring(geometry: shapely.Geometry) -> FloatArray:

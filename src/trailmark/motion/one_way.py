@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.compiled import njit
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import wrapped
 from trailmark.se2 import FloatArray
 from trailmark.sorting import sort_in_place
+from trailmark.touching import TOUCHING_TOLERANCE
 from trailmark.zones import OneWayZone, Zone
 
 __all__ = ["DEPTH", "OneWays", "curve_allowed", "one_ways", "straight_allowed", "straight_valid"]

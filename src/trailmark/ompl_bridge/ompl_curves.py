@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from trailmark import se2
-from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.curves import CurvePath, Steering
 from trailmark.motion.curve_marks import TIE, CurveMarks
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.states import configuration, state, states_of
 from trailmark.se2 import FloatArray
+from trailmark.touching import TOUCHING_TOLERANCE
 
 __all__ = ["OmplCurves", "followed_states"]
 

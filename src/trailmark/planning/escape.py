@@ -9,7 +9,7 @@ sideways: of the arcs, or straight drives and turns in place, that lead out and 
 takes the shortest.
 
 Where no such motion leads out of keep-out zones, several in a row are sought, the shortest first (A*). What leads out
-of zones is not sampled: an audit (:mod:`trailmark.audit`) certifies that none is entered deeper, or again, and the
+of zones is not sampled: an audit (:mod:`trailmark.verify`) certifies that none is entered deeper, or again, and the
 motions are certified against all else.
 """
 
@@ -17,21 +17,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from heapq import heappop, heappush
-from math import cos, pi
+from math import pi
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
 from trailmark import se2
-from trailmark.audit import PathAuditor
-from trailmark.audit.depth import RISE, Penetration
 from trailmark.collision import StateChecker
 from trailmark.curves.words import drive
 from trailmark.keep_out import keep_outs
 from trailmark.motion import Motion
+from trailmark.penetration import Penetration, outside_of
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape, convex_pieces
+from trailmark.shapes import Polygon
+from trailmark.verify import PathAuditor
+from trailmark.verify.depths import RISE
 from trailmark.world import Robot, World
 from trailmark.zones import KeepOutZone
 
@@ -49,15 +50,15 @@ DRIVE_STEP, LONGEST_DRIVE = 0.02, 2.0
 LONGEST_TURN = 3.1
 """Radians that it turns in place at most, in as many steps: less than half a turn, which would have no direction."""
 
-CHORDS = 128
-"""Of a quarter of a circle, where a disc's region is made a polygon: it is too large by 2e-5 of the radius at most."""
-
 DEEPER = 1e-6
 """Metres by which rounding may let the depth rise along a drive."""
 
 FINE, GROWTH, COARSE, PLACES = 0.02, 1.1, 0.25, 400
 """Circumradii of the first step along a motion out of zones, how much longer each next one is, the longest, and how
 many there are at most."""
+
+FEW = 8
+"""States along a motion whose depths are computed at first."""
 
 TURN_STEPS = 60
 """Of a turn in place by LONGEST_TURN."""
@@ -73,6 +74,9 @@ EDGES = 8
 
 SAME = 0.1
 """Circumradii, and radians, within which two places are one."""
+
+Blocks = tuple[FloatArray, list[Penetration]]
+"""Boxes around all that blocks, but for the bounds, shape (n, 4), and how deep the robot is in each."""
 
 
 def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
@@ -113,8 +117,7 @@ def ways_out_of_zones(
     zones = checker.edited(alone)
     auditor = PathAuditor(zones, rise=RISE)
     # What keeps a clearance is in a zone as soon as it is too near.
-    grown = [r if robot.clearance == 0.0 else _grown(r, robot.clearance) for r in regions]
-    depths = [Penetration(robot, region) for region in grown]
+    depths = [Penetration(robot.footprint, region, robot.clearance) for region in regions]
     longest = float(np.hypot(*(high - low)))
 
     def depth(states: FloatArray) -> FloatArray:
@@ -151,8 +154,12 @@ def ways_out_of_zones(
         at = depth(here[None])
         for states, costs in _motions_out(checker, regions, here, longest):
             last = _first(~others.checker.states_free(states))
-            found = np.hstack([at, depth(states[:last])])
-            last = _first((found[:, 1:] > np.minimum.accumulate(found, axis=1)[:, :-1] + DEEPER).any(axis=0))
+            found = at
+            # A few at first: most motions lead deeper soon.
+            while (looked := found.shape[1] - 1) < last:
+                found = np.hstack([found, depth(states[looked : min(last, 2 * looked + FEW)])])
+                rises = (found[:, 1:] > np.minimum.accumulate(found, axis=1)[:, :-1] + DEEPER).any(axis=0)
+                last = min(last, _first(rises) if rises.any() else last)
             if last == 0:
                 continue
             free = checker.states_free(states[:last])
@@ -212,17 +219,11 @@ def _motions_out(
             yield states, se2.ROTATION_WEIGHT * turns
 
 
-def _grown(region: Polygon, clearance: float) -> Polygon:
-    """Return a region with all that is nearer to it than a clearance, metres."""
-    part = shapely.buffer(region.shapely(), clearance, quad_segs=CHORDS)
-    return Polygon(shapely.get_coordinates(part.exterior), tuple(shapely.get_coordinates(r) for r in part.interiors))
-
-
 def _shift_out(checker: StateChecker, q: FloatArray, all_: StateChecker) -> FloatArray | None:
     """Return the shortest translation out of what blocks a checker to where another one's robot is valid, (2, 3)."""
-    reach = 2.0 * checker.robot.circumradius
+    reach, blocks = 2.0 * checker.robot.circumradius, _blocks(checker)
     while True:
-        free = _free_shifts(checker, q, reach)
+        free = _free_shifts(checker, blocks, q, reach)
         for beyond in BEYOND:
             shift = _shortest(shapely.buffer(free, -beyond, quad_segs=4), reach)
             if shift is None:
@@ -236,9 +237,12 @@ def _shift_out(checker: StateChecker, q: FloatArray, all_: StateChecker) -> Floa
         reach *= 2.0
 
 
-def _free_shifts(checker: StateChecker, q: FloatArray, reach: float) -> shapely.Geometry:
+def _free_shifts(checker: StateChecker, blocks: Blocks, q: FloatArray, reach: float) -> shapely.Geometry:
     """Return the translations (metres) by at most ``reach`` along x and y to where the robot is free."""
-    blocked = shapely.union_all(list(_blocked_shifts(checker, q, reach)))
+    low, high = q[:2] - checker.robot.circumradius - reach, q[:2] + checker.robot.circumradius + reach
+    boxes, depths = blocks
+    near = np.flatnonzero((low <= boxes[:, 2:]).all(axis=1) & (high >= boxes[:, :2]).all(axis=1))
+    blocked = shapely.union_all([depths[i].overlapping(q, reach) for i in near])
     xmin, ymin, xmax, ymax = checker.world.bounds
     footprint = checker.footprint
     placed = q[None, :2] if footprint.is_disc else se2.transform(q, footprint.outline)
@@ -259,43 +263,13 @@ def _shortest(free: shapely.Geometry, reach: float) -> FloatArray | None:
     return shift if np.hypot(*shift) <= reach else None
 
 
-def _blocked_shifts(checker: StateChecker, q: FloatArray, reach: float) -> Iterator[shapely.Geometry]:
-    """Yield the translations that put the robot on what blocks it: Minkowski differences of convex pieces.
-
-    The difference is grown by the robot's dilation: of a disc, which counts as its centre, by its radius.
-    """
-    robot, dilation = checker.robot, checker.footprint.dilation
-    round_ = checker.footprint.is_disc
-    body = [q[None, :2]] if round_ else [se2.transform(q, piece) for piece in convex_pieces(robot.outline)]
-    low, high = q[:2] - robot.circumradius - reach, q[:2] + robot.circumradius + reach
-    for shape in _obstacles(checker.world):
-        box = shape.bounding_box()
-        if box[0] > high[0] or box[1] > high[1] or box[2] < low[0] or box[3] < low[1]:
-            continue
-        pieces = [np.array([shape.center])] if isinstance(shape, Disc) else convex_pieces(shape.polygon())
-        radius = dilation + (shape.radius if isinstance(shape, Disc) else 0.0)
-        for piece in pieces:
-            if (piece.min(axis=0) - radius > high).any() or (piece.max(axis=0) + radius < low).any():
-                continue
-            for part in body:
-                found = shapely.convex_hull(shapely.MultiPoint((piece[:, None] - part).reshape(-1, 2)))
-                # Chords around the circle instead of in it.
-                outer = radius / cos(0.25 * pi / CHORDS)
-                yield shapely.buffer(found, outer, quad_segs=CHORDS) if radius else found
-
-
-def _obstacles(world: World) -> Iterator[Shape]:
-    """Yield all that blocks, but for the bounds."""
-    yield from world.obstacles
-    if world.boundary is not None:
-        xmin, ymin, xmax, ymax = world.bounds
-        margin = world.extent
-        frame = shapely.box(xmin - margin, ymin - margin, xmax + margin, ymax + margin)
-        outside = shapely.difference(frame, world.boundary.shapely())
-        for part in shapely.get_parts(outside):
-            yield Polygon(
-                shapely.get_coordinates(part.exterior), tuple(shapely.get_coordinates(r) for r in part.interiors)
-            )
+def _blocks(checker: StateChecker) -> Blocks:
+    """Return all that blocks a checker's robot, but for the bounds."""
+    world, robot = checker.world, checker.robot
+    outside = [] if world.boundary is None else [outside_of(world.boundary, world.extent)]
+    shapes = [*world.obstacles, *outside]
+    boxes = np.array([shape.bounding_box() for shape in shapes]).reshape(-1, 4)
+    return boxes, [Penetration(robot.footprint, shape, robot.clearance) for shape in shapes]
 
 
 def _arcs(robot: Robot, q: FloatArray, sides: tuple[float, ...] = (0.0, 1.0, -1.0)) -> FloatArray:
@@ -329,19 +303,20 @@ def _drive_out(checker: StateChecker, q: FloatArray, states: FloatArray) -> Floa
     """
     valid = np.array([checker.valid(rows) for rows in states])
     first = np.where(valid.any(axis=1), valid.argmax(axis=1), states.shape[1])
+    blocks = _blocks(checker)
     for k in np.argsort(first, kind="stable"):
         if first[k] == states.shape[1]:
             return None
         rows = np.vstack([q, states[k, : first[k] + 1]])
-        depths = np.array([_depth(checker, state) for state in rows])
+        depths = np.array([_depth(checker, blocks, state) for state in rows])
         if (np.diff(depths) <= DEEPER).all():
             rows[1:, 2] = se2.wrap(rows[1:, 2])
             return rows
     return None
 
 
-def _depth(checker: StateChecker, q: FloatArray) -> float:
+def _depth(checker: StateChecker, blocks: Blocks, q: FloatArray) -> float:
     """Return the penetration depth at a configuration, metres; infinite if no way out is near."""
     reach = 4.0 * checker.robot.circumradius
-    shift = _shortest(_free_shifts(checker, q, reach), reach)
+    shift = _shortest(_free_shifts(checker, blocks, q, reach), reach)
     return np.inf if shift is None else float(np.hypot(*shift))

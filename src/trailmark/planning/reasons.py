@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import CONTACT, END_ZONE
-from trailmark.collision.explain import overlaps
 from trailmark.goals import Ends, Goal, goals_of
 from trailmark.planning.proofs.enclosure import Enclosure, enclosure
 from trailmark.planning.proofs.region import MARGIN, local_origin, region_parts
@@ -279,12 +278,15 @@ class Ways:
         """Return how far (metres) a place, shape (2,), is from what is nearest."""
         xmin, ymin, xmax, ymax = self.world.bounds
         x, y = place.tolist()
-        # Of a disc that reaches everything that may be nearest.
-        radius = 2.0 * self.checker.robot.circumradius
-        depths = overlaps(self.world, Robot.disc(radius), np.array([x, y, 0.0]))
-        gaps = [x - xmin, xmax - x, y - ymin, ymax - y, *(radius - depths)]
+        point = shapely.Point(x, y)
+        gaps = [x - xmin, xmax - x, y - ymin, ymax - y]
+        for shape in self.world.obstacles:
+            if isinstance(shape, Disc):
+                gaps.append(float(np.hypot(*(place - shape.center))) - shape.radius)
+            else:
+                gaps.append(float(shapely.distance(shape.polygon().shapely(), point)))
         if self.world.boundary is not None:
-            gaps.append(float(shapely.distance(self.world.boundary.shapely().exterior, shapely.Point(x, y))))
+            gaps.append(float(shapely.distance(self.world.boundary.shapely().exterior, point)))
         return float(min(gaps))
 
 

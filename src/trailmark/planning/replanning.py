@@ -140,7 +140,7 @@ class Replanner:
         verification, vertices = self.model.verification, rest.vertices
         for i in np.flatnonzero(rest.checked).tolist():
             piece = vertices[i : i + 2]
-            if verification.final_check.fault(self.motion.path(piece), *piece) is not None:
+            if verification.verifier.fault(self.motion.path(piece), *piece) is not None:
                 return None
         self.model.passed = Passed(vertices, self.model.checker)
         incumbent = self._incumbent(vertices)

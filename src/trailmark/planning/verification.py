@@ -8,14 +8,11 @@ from time import perf_counter
 import numpy as np
 
 from trailmark.collision import StateChecker
-from trailmark.collision.body import whole
-from trailmark.collision.least_clearance import least_clearance
 from trailmark.curves import CurvePath
 from trailmark.motion import Motion
 from trailmark.motion.one_way import straight_valid
 from trailmark.path import Path
 from trailmark.planning.error_report import report_error
-from trailmark.planning.final_check import FinalCheck
 from trailmark.planning.followed import vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.proofs.claims import contradicted
@@ -23,12 +20,12 @@ from trailmark.planning.query import OnProgress
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
+from trailmark.verify import RIM, Verifier
 
 __all__ = ["Verification"]
 
-WITHIN, SAGITTA = 5e-4, 5e-4
-"""Metres by which the least clearance along straight motions may be less than the one reported, and by which a car's
-curves may be off such motions."""
+WITHIN = 1e-3
+"""Metres by which the least clearance along a path may be less than the one reported."""
 
 
 class Verification:
@@ -43,8 +40,7 @@ class Verification:
     def __init__(self, checker: StateChecker, motion: Motion, seed: int) -> None:
         self.checker, self.motion, self.seed = checker, motion, seed
         self.world, self.robot = checker.world, checker.robot
-        self._body = whole(self.robot)
-        self.final_check = FinalCheck(self.world, self.robot)
+        self.verifier = Verifier(self.world, self.robot, RIM)
 
     def certified(self, path: Path, ends: FloatArray) -> bool:
         """Return whether a path passes the final check; report it as trailmark's own error if it does not.
@@ -53,7 +49,7 @@ class Verification:
             path: to be returned.
             ends: its start and goal, shape (2, 3).
         """
-        fault = self.final_check.fault(path, *ends)
+        fault = self.verifier.fault(path, *ends)
         if fault is not None:
             self._report(f"a path that was found is not free: {fault}", path, ends)
         return fault is None
@@ -66,7 +62,7 @@ class Verification:
             nonlocal passed
             path = progress.path
             if path is not None and path != passed:
-                if self.final_check.fault(path, *ends) is None:
+                if self.verifier.fault(path, *ends) is None:
                     passed = path
                 else:
                     # At the end it is reported, unless a better path has taken its place.
@@ -142,9 +138,7 @@ class Verification:
 
     def least_clearance(self, path: Path) -> float:
         """Return the least clearance (metres) along a path; the true one is at most 1 mm less."""
-        states = np.array((path.polyline(SAGITTA) if isinstance(path, CurvePath) else path).states)
-        grid, field, robot = self.checker.grid, self.checker.field, self.checker.bare_footprint
-        return float(least_clearance(grid, field, robot, self._body, states, WITHIN)[0])
+        return self.verifier.clearance(self.verifier.motions(path), WITHIN)[0]
 
     def _nearest(self, incumbent: Incumbent) -> Path | None:
         """Return the path that ends nearest to the goal, if one was found and it passes the final check."""

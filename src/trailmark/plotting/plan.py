@@ -13,24 +13,23 @@ from matplotlib.colors import to_rgb
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from trailmark import se2
-from trailmark.audit.attribution import merged_intervals
-from trailmark.audit.scale import Scale
 from trailmark.colours import BODY, CANDIDATE, COLLISION, EDGE, GOAL, LANDMARK, PATH, REPAIRED, START, TEXT
 from trailmark.goals import goals_of
 from trailmark.layers import ALL, Layers
 from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, plan_facts, points_per_metre, write
 from trailmark.plotting.world import draw_end, draw_goal, draw_world
+from trailmark.verify.motions import Motions, merged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from trailmark.audit import PathAudit
     from trailmark.goals import Goal
     from trailmark.path import Path
     from trailmark.planning import PlanResult
     from trailmark.roadmap import Roadmap
+    from trailmark.verify import PathAudit
     from trailmark.world import Robot, World
 
 __all__ = ["add_progress", "draw_audit", "draw_plan", "draw_progress", "save_audit_figure", "save_plan_figure"]
@@ -239,9 +238,9 @@ def draw_audit(axes: Axes, robot: Robot, audit: PathAudit, repaired: Path | None
         repaired: a path that takes its place, drawn dashed; none if None.
     """
     draw_plan(axes, robot, audit.path)
-    scale = Scale(audit.path.states, robot.circumradius)
-    for begin, end in merged_intervals([scale.interval(c.motions) for c in audit.collisions]):
-        stretch = scale.part(begin, end)
+    scale = Motions.of(audit.path, robot.circumradius)
+    for begin, end in merged([scale.interval(c.motions) for c in audit.collisions]):
+        stretch = scale.states(begin, end)
         count = int(np.clip(2 + (end - begin) / robot.circumradius, 2, SHOWN))
         places = se2.transform(scale.poses(np.linspace(begin, end, count)), robot.outline.vertices)
         bodies = PolyCollection(list(places), facecolors=(*to_rgb(COLLISION), 0.25), edgecolors=COLLISION)

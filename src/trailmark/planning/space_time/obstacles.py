@@ -3,7 +3,7 @@
 In the frame of an obstacle with velocity v, a robot that goes straight from a, at time s, to b, at time t, goes
 straight from a - v·s to b - v·t, and turns as before. So a motion is certified against each obstacle as it is against
 one that stands: for discs by the distance of a point from a segment, for other shapes by conservative advancement
-(:func:`trailmark.planning.conservative_advancement.may_meet`). Nothing is sampled.
+(:func:`trailmark.verify.advance.may_meet`). Nothing is sampled.
 
 Between two moments nothing gets into or out of an obstacle without crossing its outline: that one is not inside the
 other is looked at for the first state of a path alone.
@@ -22,9 +22,9 @@ from trailmark.collision.footprint import Footprint
 from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.moving import Moving
-from trailmark.planning.conservative_advancement import may_meet
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 from trailmark.shapes import Disc
+from trailmark.verify.advance import may_meet
 
 __all__ = ["MovingObstacles", "motion_clear", "path_clear", "state_clear"]
 

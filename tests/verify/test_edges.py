@@ -1,4 +1,4 @@
-"""The final check's index of cells finds every edge that is near, as the tree of the polygons' edges does."""
+"""The index of cells finds every edge that is near, as the tree of the polygons' edges does."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.path import Path
-from trailmark.planning.final_check import FinalCheck
+from trailmark.verify import RIM, Verifier
 from trailmark.world import Robot, World
 
 
@@ -17,7 +17,7 @@ from trailmark.world import Robot, World
 def test_verdicts_are_those_of_the_polygons(robot: Robot) -> None:
     rng = np.random.default_rng(1)
     world = World.from_grid(rng.random((20, 20)) < 0.05, 1.0)
-    mine, theirs = FinalCheck(world, robot), FinalCheck(replace(world, obstacles=tuple(world.obstacles)), robot)
+    mine, theirs = Verifier(world, robot, RIM), Verifier(replace(world, obstacles=tuple(world.obstacles)), robot, RIM)
     free = 0
     for _ in range(300):
         a, b = np.column_stack([rng.uniform(1.0, 19.0, (2, 2)), rng.uniform(-3.0, 3.0, 2)])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark.audit.auditor import recorded_path
+from trailmark.cli.check import recorded_path
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError
 from trailmark.formats.any_path import PathFile

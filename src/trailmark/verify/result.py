@@ -15,8 +15,8 @@ class Collision:
     """An interval of a path on which the robot collides with one obstacle.
 
     Attributes:
-        begin: where it begins: metres along the path, by the length of its xy curve.
-        end: where it ends.
+        begin: where it begins: metres along the path, by the length of its xy curve; known to 0.1 mm.
+        end: where it ends, likewise.
         obstacle: the obstacle's id, its index if it has none, ``keep-out zone i``, ``one-way zone i``, ``bounds``
             or ``boundary``.
         depth: metres of the shortest translation that would take the robot out of it (for bounds and boundary: back
@@ -38,8 +38,8 @@ class Undrivable:
 
     Attributes:
         motion: its index: 0 is the first one.
-        begin: where it begins: metres along the path, by the length of its xy curve.
-        end: where it ends.
+        begin: where it begins: metres along the path, by the length of its xy curve; known to 0.1 mm.
+        end: where it ends, likewise.
         why: ``sideways by 90 degrees``, ``backwards``, ``a turn in place`` or ``a turn of radius 1 m``.
     """
 
@@ -54,7 +54,7 @@ class PathAudit:
     """What an audit of a path found.
 
     Attributes:
-        path: what was audited: straight motions between these states, which follow a car's curve within 5e-8 m.
+        path: what was audited; of a car's curve, straight motions that follow it within 5e-8 m.
         free: whether the robot overlaps no obstacle by more than 1e-7 m anywhere along the path, and stays inside.
         collisions: in their order along the path, by obstacle; empty if it is free.
         min_clearance: least clearance along the path, metres; found by exact distances, at most 5e-7 m above the true

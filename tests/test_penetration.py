@@ -10,9 +10,9 @@ import shapely
 from tests.support.trials import trials
 
 from trailmark import se2
-from trailmark.audit.depth import Penetration, bounds_depth
 from trailmark.errors import ShapeError
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape, convex_pieces
+from trailmark.penetration import Penetration, bounds_depth
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape, triangulate
 from trailmark.world import Robot
 
 U_SHAPE = Polygon(np.array([[0, 0], [4, 0], [4, 4], [3, 4], [3, 1], [1, 1], [1, 4], [0, 4.0]]))
@@ -40,7 +40,7 @@ L_ROBOT = Robot.polygon([[0, 0], [1, 0], [1, 0.4], [0.4, 0.4], [0.4, 1], [0, 1]]
     ],
 )
 def test_known_depths(robot: Robot, shape: Shape, state: tuple[float, float, float], depth: float) -> None:
-    assert Penetration(robot, shape).at(np.array([state], dtype=float)) == pytest.approx([depth], abs=2e-4)
+    assert Penetration(robot.footprint, shape).at(np.array([state], dtype=float)) == pytest.approx([depth], abs=2e-4)
 
 
 @pytest.mark.slow
@@ -54,7 +54,7 @@ def test_the_depth_is_the_shortest_way_out(robot: Robot, shape: Shape) -> None:
     angles = np.linspace(0, 2 * math.pi, 180, endpoint=False)
     for _ in trials(10):
         state = np.array([*rng.uniform(-3.5, 4.5, 2), rng.uniform(-3, 3)])
-        depth = float(Penetration(robot, shape).at(state[None])[0])
+        depth = float(Penetration(robot.footprint, shape).at(state[None])[0])
         if isinstance(robot.footprint, Disc):
             body = shapely.Point(state[:2]).buffer(robot.footprint.radius, 128)
         else:
@@ -91,9 +91,9 @@ def test_depths_of_polygons_are_those_of_their_minkowski_difference() -> None:
         if k % 3 == 0:  # edges that coincide, but no gap of just the robot's width, into which it would fit
             robot = Robot.rectangle(1.5, 0.5)
             states = np.column_stack([np.round(4 * states[:, :2]) / 4, np.round(states[:, 2]) * math.pi / 2])
-        for state, depth in zip(states, Penetration(robot, shape).at(states), strict=True):
-            body = [se2.transform(state, piece) for piece in convex_pieces(robot.outline)]
-            sums = [(a[:, None] - b).reshape(-1, 2) for a in convex_pieces(shape) for b in body]
+        for state, depth in zip(states, Penetration(robot.footprint, shape).at(states), strict=True):
+            body = [se2.transform(state, piece) for piece in triangulate(robot.outline)]
+            sums = [(a[:, None] - b).reshape(-1, 2) for a in triangulate(shape) for b in body]
             blocked = shapely.union_all([shapely.MultiPoint(points).convex_hull for points in sums])
             origin = shapely.Point(0.0, 0.0)
             expected = blocked.boundary.distance(origin) if blocked.contains(origin) else 0.0
@@ -103,5 +103,19 @@ def test_depths_of_polygons_are_those_of_their_minkowski_difference() -> None:
 def test_the_way_back_inside_the_bounds() -> None:
     bounds = (0.0, 0.0, 10.0, 10.0)
     states = np.array([[5, 5, 1], [0.3, 5, 0], [9.9, 9.8, 0], [0.5, 0.5, math.pi / 2]])
-    assert bounds_depth(Robot.rectangle(1, 1), bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
-    assert bounds_depth(Robot.disc(0.5), bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
+    assert bounds_depth(Robot.rectangle(1, 1).footprint, bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
+    assert bounds_depth(Robot.disc(0.5).footprint, bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("robot", [L_ROBOT, Robot.disc(0.4)])
+def test_a_shape_of_many_vertices_is_as_deep_as_one_of_few(robot: Robot) -> None:
+    ring = np.concatenate([np.linspace(a, b, 100, endpoint=False) for a, b in zip(*_sides(U_SHAPE), strict=True)])
+    rng = np.random.default_rng(2)
+    states = np.column_stack([rng.uniform(-1, 5, (60, 2)), rng.uniform(-3, 3, 60)])
+    expected = Penetration(robot.footprint, U_SHAPE).at(states)
+    assert np.count_nonzero(expected) > 20
+    assert Penetration(robot.footprint, Polygon(ring)).at(states) == pytest.approx(expected, abs=1e-4)
+
+
+def _sides(polygon: Polygon) -> tuple[np.ndarray, np.ndarray]:
+    return polygon.vertices, np.roll(polygon.vertices, -1, axis=0)

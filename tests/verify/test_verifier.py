@@ -1,4 +1,4 @@
-"""The final check: it finds the paths that collide, by shapely's word, and lets those pass that do not."""
+"""The verifier at the planner's exit: it finds the paths that collide, by shapely's word, and lets the others pass."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tests.support.trials import few, trials
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
 from trailmark.errors import InternalErrorWarning
 from trailmark.planning import solve as solving
-from trailmark.planning.final_check import RIM, FinalCheck
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Query
 from trailmark.planning.result import PlanProgress, Status
 from trailmark.shapes import Rectangle
+from trailmark.verify import RIM, Verifier
 
 KINDS = ["disc", "rectangle", "L", "thin"]
 
@@ -59,7 +59,7 @@ def is_deep(world: World, robot: Robot, states: np.ndarray, depth: float) -> boo
 
 def fault_of(world: World, robot: Robot, states: np.ndarray) -> str | None:
     path = Path(states)
-    return FinalCheck(world, robot).fault(path, path.states[0], path.states[-1])
+    return Verifier(world, robot, RIM).fault(path, path.states[0], path.states[-1])
 
 
 @pytest.mark.slow
@@ -71,7 +71,7 @@ def test_random_motions_agree_with_dense_sampling(kind: str, offset: float) -> N
     world = random_world(5, 25, size=30.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True, origin=origin)
     rng = np.random.default_rng(2)
     faulty = free = 0
-    final = FinalCheck(world, robot)
+    final = Verifier(world, robot, RIM)
     for _ in trials(40, of=2):
         states = np.empty((2, 3))
         states[0] = *rng.uniform(3, 27, 2), rng.uniform(-np.pi, np.pi)
@@ -132,7 +132,7 @@ def test_what_lies_inside_is_found_without_an_edge_being_met() -> None:
 def test_a_path_of_other_ends_is_refused() -> None:
     world, robot = World("w", (0, 0, 10, 10)), Robot.disc(0.5)
     path = Path(np.array([[1.0, 1, 0], [2, 2, 0]]))
-    final = FinalCheck(world, robot)
+    final = Verifier(world, robot, RIM)
     assert final.fault(path, np.array([1, 1, 0]), np.array([2, 2, 0])) is None
     assert "goal" in str(final.fault(path, np.array([1, 1, 0]), np.array([2, 2, 1e-9])))
     assert "start" in str(final.fault(path, np.array([1, 1.1, 0]), np.array([2, 2, 0])))
@@ -143,7 +143,7 @@ def test_a_path_of_other_ends_is_refused() -> None:
 def test_curves_agree_with_dense_sampling(reverse: bool) -> None:
     world = random_world(7, 20, size=30.0, radii=(0.3, 1.5), discs=0.3, holes=0.0, boundary=False)
     robot = Robot.rectangle(2.0, 1.0).steered(2.0, reverse)
-    final, steering = FinalCheck(world, robot), Steering(2.0, reverse)
+    final, steering = Verifier(world, robot, RIM), Steering(2.0, reverse)
     rng = np.random.default_rng(4)
     faulty = free = 0
     for _ in trials(50):
@@ -189,7 +189,7 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
         result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1, on_progress=seen.append)
     assert result.status == "solved"
     assert result.path is not None
-    assert FinalCheck(WALL, Robot.disc(0.4)).fault(result.path, *np.array([START, GOAL])) is None
+    assert Verifier(WALL, Robot.disc(0.4), RIM).fault(result.path, *np.array([START, GOAL])) is None
     assert all(p.path is None or p.path.length > 8.1 for p in seen)
     (file,) = tmp_path.glob("trailmark-internal-error-*.yaml")
     again = World.load(file)
