@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 import traceback
@@ -25,6 +26,7 @@ from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -44,6 +46,9 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, relia
 
 THREADS = 7
 """Of the executor: planning, following, a map and its change, a service, an interrupted goal, and one to spare."""
+
+SIGNALS = 0.2
+"""Seconds at most until the node sees that a signal is to end it."""
 
 HEARTBEAT = 0.1
 """Seconds between heartbeats of the bond by which nav2's lifecycle manager watches its nodes."""
@@ -439,10 +444,11 @@ def run(args: list[str]) -> None:
     """Run the node until it is interrupted (:func:`trailmark.ros.main`)."""
     sys.setswitchinterval(1e-3)  # while one thread plans, the others answer
     try:
-        rclpy.init(args=args)
+        # Python's handlers end the node: compiling kernels puts its own in place for a while, and loses rclpy's.
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rclpy's own, and those of its C layer, have no common class
         raise ConfigurationError(f"trailmark ros: {error}") from None
-    node = PlannerServer()
+    node, ended = PlannerServer(), threading.Event()
     try:
         executor = MultiThreadedExecutor(THREADS)
         executor.add_node(node)
@@ -450,7 +456,10 @@ def run(args: list[str]) -> None:
             _ = node.read_settings().robot
             node.trigger_configure()
             node.trigger_activate()
-        executor.spin()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: ended.set())
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=SIGNALS)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
