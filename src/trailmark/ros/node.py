@@ -39,6 +39,11 @@ from trailmark.ros.planning import Pose as Configuration
 from trailmark.ros.settings import Settings
 from trailmark.shapes import Shape
 
+try:
+    from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+except ImportError:  # Humble
+    from rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
+
 __all__ = ["PlannerServer", "run"]
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, reliability=ReliabilityPolicy.RELIABLE)
@@ -46,6 +51,10 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, relia
 
 THREADS = 7
 """Of the executor: planning, following, a map and its change, a service, an interrupted goal, and one to spare."""
+
+HEARD = SubscriptionEventCallbacks(use_default_callbacks=False)
+TOLD = PublisherEventCallbacks(use_default_callbacks=False)
+"""No callbacks for what happens to topics themselves: the executor would look at each, each time that it waits."""
 
 SIGNALS = 0.2
 """Seconds at most until the node sees that a signal is to end it."""
@@ -136,13 +145,14 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         )
 
         def subscribe(kind: Any, name: str, call: Callable[[Any], None], group: Any, qos: Any = 10) -> None:
-            self.create_subscription(kind, name, self._surviving(name, call), qos, callback_group=group)
+            called = self._surviving(name, call)
+            self.create_subscription(kind, name, called, qos, callback_group=group, event_callbacks=HEARD)
 
-        self._plan = self.create_publisher(Path, "plan", LATCHED)
-        self._roadmap = self.create_publisher(MarkerArray, "roadmap", LATCHED)
-        self._landmarks = self.create_publisher(MarkerArray, "landmarks", LATCHED)
-        self._swept = self.create_publisher(MarkerArray, "swept_footprint", LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._plan = self.create_publisher(Path, "plan", LATCHED, event_callbacks=TOLD)
+        self._roadmap = self.create_publisher(MarkerArray, "roadmap", LATCHED, event_callbacks=TOLD)
+        self._landmarks = self.create_publisher(MarkerArray, "landmarks", LATCHED, event_callbacks=TOLD)
+        self._swept = self.create_publisher(MarkerArray, "swept_footprint", LATCHED, event_callbacks=TOLD)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10, event_callbacks=TOLD)
         self._change = self.create_guard_condition(self._surviving("map", self._change_map), callback_group=change)
         self._follow = self.create_guard_condition(self._surviving("map", self._on_change), callback_group=follow)
         self._tf = _tf_buffer(self)
