@@ -16,7 +16,6 @@ from tests.ros.support import (
     SQUARE,
     TO,
     Client,
-    bends,
     collides,
     facts,
     filled,
@@ -24,6 +23,7 @@ from tests.ros.support import (
     name_space,
     room,
     running,
+    slit,
     stamped,
     states,
 )
@@ -49,7 +49,7 @@ SECONDS = float(os.environ.get("TRAILMARK_ROS_SECONDS", "6"))
 def puzzled(client: Client) -> Client:
     """A client whose node may search for two minutes."""
     assert client.set(footprint=LONG, time_limit=120.0) == []
-    client.show(bends())
+    client.show(slit())
     return client
 
 
@@ -90,7 +90,7 @@ def test_a_map_that_comes_while_it_plans_is_planned_in(puzzled: Client) -> None:
     """The new map has a way, the old one has none."""
     handle = puzzled.goal(TO, FROM)
     puzzled.spin(0.5)
-    cells = np.zeros_like(bends())
+    cells = np.zeros_like(slit())
     cells[50:60, 20:80] = True
     puzzled.publish("map", grid(cells))
     puzzled.shown = None
@@ -105,9 +105,9 @@ def test_a_map_that_comes_while_it_plans_is_planned_in(puzzled: Client) -> None:
 
 def test_following_gives_way_to_a_newer_goal(puzzled: Client) -> None:
     """A map comes in which the plan that is followed has no way, and no proof of that."""
-    puzzled.show(np.zeros_like(bends()))
+    puzzled.show(np.zeros_like(slit()))
     assert puzzled.plan(FROM, TO).error_code == 0
-    puzzled.publish("map", grid(bends()))
+    puzzled.publish("map", grid(slit()))
     puzzled.shown = None
     puzzled.spin(1.0)
     assert puzzled.plan(FROM, EASY).error_code == 0

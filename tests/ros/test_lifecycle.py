@@ -14,13 +14,13 @@ from tests.ros.support import (
     SQUARE,
     TO,
     Client,
-    bends,
     collides,
     filled,
     grid,
     name_space,
     room,
     running,
+    slit,
     states,
 )
 
@@ -113,7 +113,7 @@ def test_a_signal_ends_it_without_a_traceback_while_it_plans(sign: int) -> None:
     space = name_space()
     with running(space, footprint=f"'{LONG}'", time_limit=600.0) as node:
         client = Client(space)
-        client.show(bends())
+        client.show(slit())
         assert client.goal(TO, FROM).accepted
         client.spin(0.5)
         assert node.end(sign) in (0, 130)
