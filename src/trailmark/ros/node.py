@@ -50,14 +50,15 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, relia
 """Of maps and plans: who comes late gets the newest."""
 
 THREADS = 7
-"""Of the executor: planning, following, a map and its change, a service, an interrupted goal, and one to spare."""
+"""Of the executor: a goal pose, following, a map and its change, a pose, a service, a parameter. As many plan goals."""
 
-HEARD = SubscriptionEventCallbacks(use_default_callbacks=False)
-TOLD = PublisherEventCallbacks(use_default_callbacks=False)
-"""No callbacks for what happens to topics themselves: the executor would look at each, each time that it waits."""
+NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+"""No callbacks for events of topics (such as QoS that do not match): the executor would wait for each of them, which
+took half of its time."""
 
-SIGNALS = 0.2
-"""Seconds at most until the node sees that a signal is to end it."""
+SIGNAL_PERIOD = 0.2
+"""Seconds at most between two looks whether a signal came that ends the node."""
 
 HEARTBEAT = 0.1
 """Seconds between heartbeats of the bond by which nav2's lifecycle manager watches its nodes."""
@@ -86,30 +87,33 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._active = False
         self._bond: _Bond | None = None
         self._pool = ThreadPoolExecutor(THREADS, "goal")
-        self._beginning, self._stop = threading.Lock(), threading.Event()  # which ends the newest goal
+        self._goal_lock, self._stop = threading.Lock(), threading.Event()  # set to end the newest goal
         self._goal = self._stop  # of the goal whose plan is followed
-        self._writing, self._changing = threading.Lock(), threading.Lock()  # the map's cells, the planner's map
+        self._cells_lock, self._map_lock = (
+            threading.Lock(),
+            threading.Lock(),
+        )  # while cells are written, and while the planner changes its map
         self._map: OccupancyGrid | None = None
         self._obstacles: dict[tuple[str, int], list[Shape]] = {}
         self._pose: Configuration | None = None
         self._odom: Configuration | None = None
-        self._odom_then: Configuration | None = None  # when the pose was told
-        self._offer()
+        self._odom_at_pose: Configuration | None = None  # when the pose was received
+        self._create_interfaces()
         self.add_on_set_parameters_callback(self._on_parameters)
 
     # Lifecycle
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the parameters, load the kernels, and offer everything."""
+        """Read the parameters, load the kernels, and take up the map that is known."""
         try:
             settings = self.read_settings()
-            self.get_logger().info("loading (the first use on a machine compiles for up to a minute)")
+            self.get_logger().info("loading (the first use on a machine compiles, for a minute or more)")
             warm_up(settings)
         except TrailmarkError as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         self.site = PlanningSite(settings)
-        self._surviving("map", self._change_map)()
+        self._logging_errors("map", self._change_map)()
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -137,7 +141,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     on_shutdown = on_error = on_cleanup
 
-    def _offer(self) -> None:
+    def _create_interfaces(self) -> None:
         """Create publishers, subscriptions, services and actions, which do nothing until the node is active."""
         planning, (maps, change, follow, poses, service, accepting) = (
             ReentrantCallbackGroup(),
@@ -145,16 +149,26 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         )
 
         def subscribe(kind: Any, name: str, call: Callable[[Any], None], group: Any, qos: Any = 10) -> None:
-            called = self._surviving(name, call)
-            self.create_subscription(kind, name, called, qos, callback_group=group, event_callbacks=HEARD)
+            called = self._logging_errors(name, call)
+            self.create_subscription(
+                kind, name, called, qos, callback_group=group, event_callbacks=NO_SUBSCRIPTION_EVENTS
+            )
 
-        self._plan = self.create_publisher(Path, "plan", LATCHED, event_callbacks=TOLD)
-        self._roadmap = self.create_publisher(MarkerArray, "roadmap", LATCHED, event_callbacks=TOLD)
-        self._landmarks = self.create_publisher(MarkerArray, "landmarks", LATCHED, event_callbacks=TOLD)
-        self._swept = self.create_publisher(MarkerArray, "swept_footprint", LATCHED, event_callbacks=TOLD)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10, event_callbacks=TOLD)
-        self._change = self.create_guard_condition(self._surviving("map", self._change_map), callback_group=change)
-        self._follow = self.create_guard_condition(self._surviving("map", self._on_change), callback_group=follow)
+        self._plan = self.create_publisher(Path, "plan", LATCHED, event_callbacks=NO_PUBLISHER_EVENTS)
+        self._roadmap = self.create_publisher(MarkerArray, "roadmap", LATCHED, event_callbacks=NO_PUBLISHER_EVENTS)
+        self._landmarks = self.create_publisher(MarkerArray, "landmarks", LATCHED, event_callbacks=NO_PUBLISHER_EVENTS)
+        self._swept = self.create_publisher(
+            MarkerArray, "swept_footprint", LATCHED, event_callbacks=NO_PUBLISHER_EVENTS
+        )
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, "/diagnostics", 10, event_callbacks=NO_PUBLISHER_EVENTS
+        )
+        self._map_changed = self.create_guard_condition(
+            self._logging_errors("map", self._change_map), callback_group=change
+        )
+        self._follow = self.create_guard_condition(
+            self._logging_errors("map", self._follow_plan), callback_group=follow
+        )
         self._tf = _tf_buffer(self)
         subscribe(OccupancyGrid, "map", self._on_map, maps, LATCHED)
         if (updates := _interface("map_msgs.msg", "OccupancyGridUpdate")) is not None:
@@ -165,12 +179,14 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         subscribe(PoseWithCovarianceStamped, "initialpose", self._on_pose, poses)
         subscribe(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, poses)
         subscribe(Odometry, "odom", self._on_odom, poses)
-        self.create_service(GetPlan, "get_plan", self._surviving("get_plan", self._get_plan), callback_group=service)
+        self.create_service(
+            GetPlan, "get_plan", self._logging_errors("get_plan", self._get_plan), callback_group=service
+        )
         if (valid := _interface("nav2_msgs.srv", "IsPathValid")) is None:
             self.get_logger().warning("nav2_msgs is not there: no actions are offered, only get_plan and goal_pose")
             return
         name, call = "is_path_valid", self._is_path_valid
-        self.create_service(valid, name, self._surviving(name, call), callback_group=service)
+        self.create_service(valid, name, self._logging_errors(name, call), callback_group=service)
         for name, action in (("to_pose", "ToPose"), ("through_poses", "ThroughPoses")):
             kind = _interface("nav2_msgs.action", f"ComputePath{action}")
             ActionServer(
@@ -184,8 +200,8 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
                 cancel_callback=lambda _: CancelResponse.ACCEPT,
             )
 
-    def _surviving(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a callback that tells of errors: in rclpy they would end the node."""
+    def _logging_errors(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a callback that logs its errors: in rclpy they would end the node."""
 
         def called(*given: Any) -> Any:
             try:
@@ -212,7 +228,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             settings = self.read_settings(**values)
             if self.site is not None and values:
                 self.site.change_settings(settings)
-                self._surviving("map", self._change_map)()
+                self._logging_errors("map", self._change_map)()
                 self._follow.trigger()
         except TrailmarkError as error:
             return SetParametersResult(successful=False, reason=str(error))
@@ -223,18 +239,18 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     def _on_map(self, message: OccupancyGrid) -> None:
         messages.grid_map(message, 100, False)  # says what is wrong with it
         self._map = message
-        self._change.trigger()
+        self._map_changed.trigger()
 
     def _on_map_update(self, update: Any) -> None:
         if self._map is not None:  # it comes first
-            with self._writing:
+            with self._cells_lock:
                 messages.patched(self._map, update)
-            self._change.trigger()
+            self._map_changed.trigger()
 
     def _on_obstacles(self, message: MarkerArray) -> None:
         for marker in message.markers:  # one that is none takes none of the others with it
-            self._surviving(f"obstacle {marker.ns}/{marker.id}", self._on_obstacle)(marker)
-        self._change.trigger()
+            self._logging_errors(f"obstacle {marker.ns}/{marker.id}", self._on_obstacle)(marker)
+        self._map_changed.trigger()
 
     def _on_obstacle(self, marker: Marker) -> None:
         if marker.action == Marker.DELETEALL:
@@ -247,17 +263,17 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _change_map(self) -> None:
         """Bring the planner up to date with the newest map and obstacles; what came meanwhile is taken all at once."""
-        with self._changing:
+        with self._map_lock:
             site = self.site
             if self._map is None or site is None:
                 return
-            with self._writing:
+            with self._cells_lock:
                 grid = messages.grid_map(self._map, site.settings.lethal_cost_threshold, site.settings.allow_unknown)
             shapes = [shape for some in list(self._obstacles.values()) for shape in some]
             if site.change_map(grid.with_shapes(shapes)):
                 self._follow.trigger()
 
-    def _on_change(self) -> None:
+    def _follow_plan(self) -> None:
         """Look at the plan that is followed, after the map or a parameter changed."""
         site = self.site
         if site is not None and self._active:
@@ -269,11 +285,11 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     # Where the robot is
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
-        self._pose, self._odom_then = self._in_map(message.header, message.pose.pose), self._odom
+        self._pose, self._odom_at_pose = self._in_map(message.header, message.pose.pose), self._odom
 
     def _on_odom(self, message: Odometry) -> None:
         self._odom = messages.configuration(message.pose.pose)
-        self._odom_then = self._odom_then or self._odom
+        self._odom_at_pose = self._odom_at_pose or self._odom
 
     def _here(self) -> Configuration | None:
         """Return the robot's pose in the map: by tf, else the last pose told and the odometry since; None: unknown."""
@@ -284,7 +300,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
                 pass
         if self._pose is None or self._odom is None:
             return self._pose or self._odom
-        (x0, y0, theta0), (x, y, theta) = self._odom_then or self._odom, self._odom
+        (x0, y0, theta0), (x, y, theta) = self._odom_at_pose or self._odom, self._odom
         moved = se2.compose((0.0, 0.0, -theta0), (x - x0, y - y0, theta))
         x, y, theta = se2.compose(self._pose, moved).tolist()
         return x, y, theta
@@ -316,7 +332,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _on_accepted(self, kind: Any, handle: Any) -> None:
         """Begin a goal at once, in a thread beside the executor's."""
-        self._pool.submit(self._surviving("goal", self._execute), kind, self._begin(), handle)
+        self._pool.submit(self._logging_errors("goal", self._execute), kind, self._begin(), handle)
 
     def _execute(self, kind: Any, newer: threading.Event, handle: Any) -> None:
         """Answer a goal of an action of either kind."""
@@ -330,7 +346,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             )
         finally:
             if rclpy.ok():  # else a signal came, and nobody can be told
-                handle.execute(partial(_told, kind, answer, path))
+                handle.execute(partial(_finish_goal, kind, answer, path))
 
     def _get_plan(self, request: Any, response: Any) -> Any:
         start = request.start if request.start.header.frame_id else None
@@ -347,7 +363,7 @@ class PlannerServer(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _begin(self) -> threading.Event:
         """End the goal that is planned for, as a newer one is there; return what ends the newer one."""
-        with self._beginning:
+        with self._goal_lock:
             self._stop.set()
             self._stop = begun = threading.Event()
         return begun
@@ -469,7 +485,7 @@ def run(args: list[str]) -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: ended.set())
         while not ended.is_set():
-            executor.spin_once(timeout_sec=SIGNALS)
+            executor.spin_once(timeout_sec=SIGNAL_PERIOD)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
@@ -477,7 +493,7 @@ def run(args: list[str]) -> None:
         rclpy.try_shutdown()
 
 
-def _told(kind: Any, answer: Answer, path: Path, handle: Any) -> Any:
+def _finish_goal(kind: Any, answer: Answer, path: Path, handle: Any) -> Any:
     """Return an action's result, and end its goal."""
     result = kind.Result()
     result.planning_time = Duration(seconds=answer.seconds).to_msg()
