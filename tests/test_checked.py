@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pytest
 
-from trailmark.checked import (
+from trailmark.arguments import (
     Count,
     Finite,
     NonNegative,

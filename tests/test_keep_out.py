@@ -20,7 +20,7 @@ from trailmark import (
     check_path,
 )
 from trailmark.errors import ConfigurationError, WorldError
-from trailmark.keep_out import with_keep_outs
+from trailmark.world import with_keep_outs
 
 SQUARE = Polygon(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]))
 HOLE = np.array([[0.5, 0.5], [1.0, 0.5], [1.0, 1.0]])

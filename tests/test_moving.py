@@ -77,7 +77,7 @@ def test_at_and_displaced() -> None:
         (Disc((0, 0), 1), (1, 0, 0), 1.0, WorldError, "velocity: expected two finite numbers vx, vy"),
         (Disc((0, 0), 1), (math.nan, 0), 1.0, WorldError, "velocity: expected two finite numbers"),
         (Disc((0, 0), 1), 3.0, 1.0, WorldError, "velocity: expected two finite numbers"),
-        (Disc((0, 0), 1), (1, 0), 0.0, WorldError, "until: expected a finite number of seconds above 0, got 0.0"),
+        (Disc((0, 0), 1), (1, 0), 0.0, WorldError, "until: expected a finite number above 0, got 0.0 s"),
         (Disc((0, 0), 1), (1, 0), math.inf, WorldError, "until: expected a finite number"),
         (Disc((0, 0), 1), (1, 0), True, WorldError, "until: expected a finite number"),
         (Disc((0, 0), 1), (1e9, 0), 1.0, ShapeError, "moving: the region swept"),

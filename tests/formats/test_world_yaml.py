@@ -316,7 +316,7 @@ def robot(fields: str) -> str:
         (disc("1, motion: 3"), "obstacles[1].motion: "),
         (disc("1, motion: {velocity: [1], until: 2}"), "obstacles[1].motion.velocity: "),
         (disc("1, motion: {velocity: [1, 0]}"), "obstacles[1].motion.until: field required"),
-        (disc("1, motion: {velocity: [1e9, 0], until: 9}"), "obstacles[1]: moving: the region swept: expected"),
+        (disc("1, motion: {velocity: [1e9, 0], until: 9}"), "obstacles[1]: moving: the region swept: polygon: "),
         (disc(f"1, estimate: {{mean: {DISC}, covariance: [[1, 0], [0, 1]], frame: r}}"), "obstacles[1].estimate.frame"),
     ],
 )

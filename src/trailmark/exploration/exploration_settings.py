@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from trailmark.checked import Positive, PositiveOrInfinite, Probability, checked_fields
+from trailmark.arguments import Positive, PositiveOrInfinite, Probability, checked_fields
 from trailmark.errors import ConfigurationError
 from trailmark.robot import Robot
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.checked import checked_arguments, shaped
+from trailmark.arguments import checked_arguments, shaped
 from trailmark.errors import ConfigurationError, OutputError, WorldError
 from trailmark.formats import files
 from trailmark.path import Path

@@ -26,14 +26,13 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.curves.words import drive
-from trailmark.keep_out import keep_outs
 from trailmark.motion import Motion
 from trailmark.penetration import Penetration, outside_of
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon
 from trailmark.verify import PathAuditor
 from trailmark.verify.depths import RISE
-from trailmark.world import Robot, World
+from trailmark.world import Robot, World, keep_outs
 from trailmark.zones import KeepOutZone
 
 __all__ = ["way_out", "ways_out_of_zones"]

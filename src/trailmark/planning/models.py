@@ -11,14 +11,13 @@ import numpy as np
 
 from trailmark.changes import Change, Changes
 from trailmark.collision import StateChecker
-from trailmark.keep_out import with_keep_outs
 from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.objective import Objective
 from trailmark.planning.space_time.obstacles import MovingObstacles
 from trailmark.planning.updating import Update
 from trailmark.planning.world_model import WorldModel
-from trailmark.world import Robot, World
+from trailmark.world import Robot, World, with_keep_outs
 
 __all__ = ["WorldModels"]
 

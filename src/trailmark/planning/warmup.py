@@ -12,13 +12,12 @@ import numpy as np
 from trailmark.compiled.report import compiling_for
 from trailmark.compiled.side_by_side import compiled_side_by_side
 from trailmark.formats.grid import cells_of
-from trailmark.keep_out import keep_outs
 from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Robot, World
+from trailmark.world import Robot, World, keep_outs
 from trailmark.zones import KeepOutZone, OneWayZone
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.keep_out import keep_outs
 from trailmark.landmarks import Relaxation
 from trailmark.motion import motion_of
 from trailmark.objective import Objective
@@ -24,7 +23,7 @@ from trailmark.planning.shared_roadmap import SharedRoadmap
 from trailmark.planning.updating import Boxes, Update
 from trailmark.planning.verification import Verification
 from trailmark.shapes import Disc
-from trailmark.world import World
+from trailmark.world import World, keep_outs
 from trailmark.zones import KeepOutZone
 
 __all__ = ["WorldModel", "zones_at"]

@@ -14,13 +14,12 @@ from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
-from trailmark.keep_out import keep_outs
 from trailmark.path import Path
 from trailmark.verify.depths import deepest, first_rise
 from trailmark.verify.motions import Motions
 from trailmark.verify.result import Collision, PathAudit, Undrivable
 from trailmark.verify.verifier import MISSED, Depths, Hit, Verifier
-from trailmark.world import BOUNDS_LIMIT, Robot, World
+from trailmark.world import BOUNDS_LIMIT, Robot, World, keep_outs
 
 __all__ = ["PathAuditor", "check_path"]
 
