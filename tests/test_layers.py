@@ -7,7 +7,7 @@ from dataclasses import asdict
 import pytest
 
 from trailmark.errors import ConfigurationError
-from trailmark.layers import ALL, Layers
+from trailmark.shown import ALL, Layers
 
 
 def test_names_change_the_default() -> None:

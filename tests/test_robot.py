@@ -121,7 +121,9 @@ def test_a_robot_moves_in_every_direction_unless_it_has_a_turning_radius() -> No
     "radius", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * TURNING_LIMIT, True, "5", [5.0]], ids=repr
 )
 def test_a_radius_that_is_none(radius: Any) -> None:
-    with pytest.raises(ShapeError, match="expected a number above 0 and at most 10000 m, got turning_radius") as raised:
+    with pytest.raises(
+        ShapeError, match="robot: turning_radius: expected a finite number above 0 and at most 10000, got"
+    ) as raised:
         Robot.rectangle(2, 1).steered(radius)
     assert "\n" not in str(raised.value)
 

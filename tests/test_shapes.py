@@ -156,7 +156,7 @@ BAD: list[tuple[type, tuple[Any, ...], str]] = [
     (Disc, ((0, 0), "wide"), "disc: radius: expected a finite number above 0 and at most 1e+08, got 'wide'"),
     (Disc, ((0, math.inf), 1), "disc: center: expected a finite number of -1e+08 or more and at most 1e+08, got inf m"),
     (Disc, ((0, 0, 0), 1), "disc: center: expected two numbers x, y, got (0, 0, 0)"),
-    (Rectangle, ((0, 0), 0, 1), "rectangle: length: expected a finite number above 0 and at most 1e+08, got 0.0 m"),
+    (Rectangle, ((0, 0), 0, 1), "rectangle: length: expected a finite number above 0 and at most 1e+08, got 0 m"),
     (Rectangle, ((0, 0), 1, -2), "rectangle: width: expected a finite number above 0 and at most 1e+08, got -2 m"),
     (Rectangle, ((0, 0), 1, 1, math.nan), "rectangle: heading: expected a finite number, got nan"),
     (Polygon, ([[0, 0], [1, 1]],), "polygon: vertices: expected 3 or more different points, got 2"),
