@@ -1,10 +1,4 @@
-"""Nearest neighbours among points that come in over time: a forest of balanced k-d trees in flat arrays.
-
-Adding m points to n costs O(m log² n) in the mean: full trees are merged as a binary counter carries (Bentley & Saxe,
-"Decomposable searching problems I", J. Algorithms 1980). A tree is its points in an order in which every range has its
-median in the middle (Bentley, "Multidimensional binary search trees", CACM 1975): no pointers, and a search may run
-within other compiled code.
-"""
+"""Nearest neighbours: among points that come in over time, by scipy's k-d tree, and within compiled searches."""
 
 from __future__ import annotations
 
@@ -12,10 +6,12 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from trailmark.compiled import njit
 
-__all__ = ["Forest", "NearestNeighbours", "near_to_near", "nearest_in", "nearest_to", "room_for"]
+__all__ = ["Forest", "NearestNeighbours", "nearest_in", "nearest_to", "room_for"]
 
 FloatArray = NDArray[np.float64]
 Element = TypeVar("Element", bound=np.generic)
@@ -23,27 +19,29 @@ Element = TypeVar("Element", bound=np.generic)
 LEAF = 12
 """Points of a range that is looked through one by one."""
 
-SMALLEST = 64
-"""Points of the smallest tree that is worth building: newer ones are looked through until they are as many."""
+NEWER = 64, 0.25
+"""Points at most, and share of the others, that are looked through one by one until a tree of all is built."""
 
 DEEPEST = 64
 """Ranges that wait in a search at most: one for each halving of what memory can hold."""
 
 
 class Forest(NamedTuple):
-    """What a search reads.
+    """A balanced k-d tree for compiled searches: points in an order in which each half of a range is a range.
+
+    Source: Bentley, "Multidimensional binary search trees used for associative searching", CACM 1975.
 
     Attributes:
-        points: (n, d) in the order of the trees.
+        points: (n, d) in the order of the tree.
         ids: (n,) which point each row is, by the order in which they came.
-        axis: (n,) int8, the axis along which each range is split, stored at its middle.
-        starts: (t + 1,) where each tree begins; what lies behind the last start is in no tree yet.
+        axis: (n,) int64, at the middle of each range the axis along which it is split.
+        split: (n,) there the coordinate that its first half does not exceed and its second does not fall below.
     """
 
     points: FloatArray
     ids: NDArray[np.int64]
-    axis: NDArray[np.int8]
-    starts: NDArray[np.int64]
+    axis: NDArray[np.int64]
+    split: FloatArray
 
 
 class NearestNeighbours:
@@ -55,43 +53,23 @@ class NearestNeighbours:
 
     def __init__(self, dimension: int) -> None:
         self._points: FloatArray = np.empty((0, dimension))
-        self._ids: NDArray[np.int64] = np.empty(0, np.int64)
-        self._axis: NDArray[np.int8] = np.empty(0, np.int8)
-        self._sizes: list[int] = []
-        self._count = 0
+        self._tree = cKDTree(self._points)
 
     def __len__(self) -> int:
-        return self._count
+        return len(self._points)
 
     def add(self, points: FloatArray) -> None:
         """Add points, shape (m, d); they are numbered on from those that are there."""
-        first, last = self._count, self._count + len(points)
-        self._points, self._ids = room_for(self._points, last), room_for(self._ids, last)
-        self._axis = room_for(self._axis, last)
-        self._points[first:last], self._ids[first:last] = points, np.arange(first, last)
-        self._count = last
-        treed = sum(self._sizes)
-        if last - treed < SMALLEST:
-            return
-        # Every tree at most twice as large as what is to be sorted goes into the same sort.
-        begin = treed
-        while self._sizes and self._sizes[-1] < 2 * (last - begin):
-            begin -= self._sizes.pop()
-        _sort(self._points, self._ids, self._axis, begin, last)
-        self._sizes.append(last - begin)
-
-    def forest(self) -> Forest:
-        """Return what is there now, not copied: the next :meth:`add` may change it."""
-        n = self._count
-        starts = np.concatenate([[0], np.cumsum(np.array(self._sizes, dtype=np.int64))]).astype(np.int64)
-        return Forest(self._points[:n], self._ids[:n], self._axis[:n], starts)
+        self._points = np.concatenate([self._points, points])
 
     def merged(self) -> Forest:
-        """Return all points in one tree of its own."""
-        points, ids = self._points[: self._count].copy(), self._ids[: self._count].copy()
-        axis = np.empty(self._count, np.int8)
-        _sort(points, ids, axis, 0, self._count)
-        return Forest(points, ids, axis, np.array([0, self._count]))
+        """Return all points in a tree for compiled searches."""
+        return _tree_of(self._points, np.arange(len(self._points)))
+
+    def around(self, point: FloatArray, k: int) -> Forest:
+        """Return the k points nearest to one, shape (d,), in a tree for compiled searches."""
+        ids = self.query(point[None], min(k, len(self._points)))[0]
+        return _tree_of(self._points[ids], ids)
 
     def query(self, points: FloatArray, k: int, *, first: int = -1) -> NDArray[np.int64]:
         """Return which k points are nearest to each row, nearest first, shape (m, k); -1 where there are fewer.
@@ -101,24 +79,44 @@ class NearestNeighbours:
             k: how many, >= 1.
             first: what the rows are numbered from themselves, if they are in the index: none is its own neighbour.
         """
-        return np.asarray(_nearest_of(self.forest(), np.ascontiguousarray(points, dtype=np.float64), k, first))
+        n, m = len(self._points), len(points)
+        most, share = NEWER
+        if n - self._tree.n > max(most, share * self._tree.n):
+            self._tree = cKDTree(self._points)
+        tree, apart, ids = self._tree, np.empty((m, 0)), np.empty((m, 0), np.int64)
+        if tree.n:
+            apart, ids = tree.query(points, np.arange(1, min(k + (first >= 0), tree.n) + 1))
+        if n > tree.n:
+            newer = np.broadcast_to(np.arange(tree.n, n), (m, n - tree.n))
+            apart, ids = np.hstack([apart, cdist(points, self._points[tree.n :])]), np.hstack([ids, newer])
+        if first >= 0:
+            ids[ids == first + np.arange(m)[:, None]] = -1
+            apart[ids < 0] = np.inf
+        if n > tree.n or first >= 0:
+            order = np.argsort(apart, axis=1, kind="stable")[:, :k]
+            ids = ids[np.arange(m)[:, None], order]
+        result = np.full((m, k), -1, np.int64)
+        result[:, : ids.shape[1]] = ids
+        return result
+
+
+def _tree_of(points: FloatArray, ids: NDArray[np.int64]) -> Forest:
+    order, axis, split = np.arange(len(ids)), np.zeros(len(ids), np.int64), np.zeros(len(ids))
+    waiting = [(0, len(ids))]
+    while waiting:
+        a, b = waiting.pop()
+        if b - a > LEAF:
+            part, middle = points[order[a:b]], (a + b) >> 1
+            axis[middle] = widest = np.ptp(part, axis=0).argmax()
+            order[a:b] = order[a:b][np.argpartition(part[:, widest], middle - a)]
+            split[middle] = points[order[middle], widest]
+            waiting += [(a, middle), (middle, b)]
+    return Forest(points[order], ids[order], axis, split)
 
 
 def nearest_to(targets: FloatArray, points: FloatArray) -> NDArray[np.int64]:
     """Return which of the points, shape (n, d), n >= 1, is nearest to each target, shape (m, d); shape (m,)."""
-    index = NearestNeighbours(points.shape[1])
-    index.add(points)
-    return index.query(targets, 1)[:, 0]
-
-
-def near_to_near(points: FloatArray) -> NDArray[np.int64]:
-    """Return an order of points, shape (n, d), in which those close in space are mostly close in memory; shape (n,).
-
-    What goes through near points one after the other then finds them in the processor's caches.
-    """
-    index = NearestNeighbours(points.shape[1])
-    index.add(points)
-    return index.merged().ids
+    return np.asarray(cKDTree(points).query(targets)[1], dtype=np.int64)
 
 
 def room_for(array: NDArray[Element], n: int) -> NDArray[Element]:
@@ -131,148 +129,45 @@ def room_for(array: NDArray[Element], n: int) -> NDArray[Element]:
 
 
 @njit(cache=True, nogil=True)
-def _swap(points: FloatArray, ids: NDArray[np.int64], i: int, j: int) -> None:
-    for d in range(points.shape[1]):
-        points[i, d], points[j, d] = points[j, d], points[i, d]
-    ids[i], ids[j] = ids[j], ids[i]
-
-
-@njit(cache=True, nogil=True)
-def _sort(points: FloatArray, ids: NDArray[np.int64], axis: NDArray[np.int8], low: int, high: int) -> None:
-    """Put the rows from low to high into the order of a tree."""
-    dimension = points.shape[1]
-    waiting = np.empty((DEEPEST, 2), np.int64)
-    waiting[0, 0], waiting[0, 1] = low, high
-    size = 1
-    while size > 0:
-        size -= 1
-        a, b = waiting[size, 0], waiting[size, 1]
-        if b - a <= LEAF:
-            continue
-        widest, spread = 0, -1.0
-        for d in range(dimension):
-            least, most = points[a, d], points[a, d]
-            for i in range(a + 1, b):
-                least, most = min(least, points[i, d]), max(most, points[i, d])
-            if most - least > spread:
-                widest, spread = d, most - least
-        middle = (a + b) >> 1
-        # Quickselect (Hoare 1961), from the middle: rows that are sorted already are the worst case otherwise.
-        left, right = a, b - 1
-        while left < right:
-            pivot = points[(left + right) >> 1, widest]
-            i, j = left, right
-            while i <= j:
-                while points[i, widest] < pivot:
-                    i += 1
-                while points[j, widest] > pivot:
-                    j -= 1
-                if i <= j:
-                    _swap(points, ids, i, j)
-                    i += 1
-                    j -= 1
-            if middle <= j:
-                right = j
-            elif middle >= i:
-                left = i
-            else:
-                break
-        axis[middle] = widest
-        waiting[size, 0], waiting[size, 1] = a, middle
-        waiting[size + 1, 0], waiting[size + 1, 1] = middle + 1, b
-        size += 2
-
-
-@njit(cache=True, nogil=True)
-def _offer(distances: FloatArray, ids: NDArray[np.int64], count: int, k: int, distance: float, number: int) -> int:
-    """Put a point into the sorted rows of the k best; return how many there are."""
-    if count == k:
-        if distance > distances[k - 1] or (distance == distances[k - 1] and number > ids[k - 1]):
-            return count
-        count -= 1
-    i = count
-    # Of points equally far the older one comes first, whatever the order of the search.
-    while i > 0 and (distances[i - 1] > distance or (distances[i - 1] == distance and ids[i - 1] > number)):
-        distances[i], ids[i] = distances[i - 1], ids[i - 1]
-        i -= 1
-    distances[i], ids[i] = distance, number
-    return count + 1
-
-
-@njit(cache=True, nogil=True)
-def nearest_in(
-    forest: Forest, point: FloatArray, own: int, k: int, distances: FloatArray, ids: NDArray[np.int64]
-) -> int:
+def nearest_in(forest: Forest, point: FloatArray, k: int, distances: FloatArray, ids: NDArray[np.int64]) -> int:
     """Write the k nearest points, nearest first, into ``distances`` (squared) and ``ids``; return how many there are.
 
     Args:
         forest: the points.
         point: shape (d,).
-        own: number of a point to leave out, or -1.
         k: how many are wanted, at most as many as the arrays hold.
         distances: (>= k,), overwritten.
         ids: (>= k,), overwritten.
     """
-    if k == 0:
-        return 0
-    dimension = len(point)
-    waiting = np.empty((DEEPEST, 2), np.int64)
-    # Of each range that waits: its distance from the point so far, squared, and along each axis.
-    beyond, offset = np.empty(DEEPEST), np.empty((DEEPEST, dimension))
-    away = np.empty(dimension)
-    count = 0
-    trees = len(forest.starts) - 1
-    for tree in range(trees + 1):
-        size = 1
-        waiting[0, 0] = forest.starts[tree]
-        waiting[0, 1] = forest.starts[tree + 1] if tree < trees else len(forest.points)
-        beyond[0] = 0.0
-        offset[0] = 0.0
-        while size > 0:
-            size -= 1
-            a, b, least = waiting[size, 0], waiting[size, 1], beyond[size]
-            if count == k and least > distances[k - 1]:
+    waiting, beyond, size = np.empty((DEEPEST, 2), np.int64), np.empty(DEEPEST), int(k > 0)
+    waiting[0, 0], waiting[0, 1], beyond[0], count = 0, len(forest.points), 0.0, 0
+    while size > 0:
+        size -= 1
+        a, b, least = waiting[size, 0], waiting[size, 1], beyond[size]
+        if count == k and least > distances[k - 1]:
+            continue
+        while b - a > LEAF:
+            # The half across the split waits.
+            middle = (a + b) >> 1
+            gap = point[forest.axis[middle]] - forest.split[middle]
+            beyond[size] = max(least, gap * gap)
+            if gap <= 0.0:
+                waiting[size, 0], waiting[size, 1] = middle, b
+                b = middle
+            else:
+                waiting[size, 0], waiting[size, 1] = a, middle
+                a = middle
+            size += 1
+        for i in range(a, b):
+            apart = 0.0
+            for e in range(len(point)):
+                apart += (point[e] - forest.points[i, e]) ** 2
+            if count == k and apart >= distances[k - 1]:
                 continue
-            away[:] = offset[size]
-            while b - a > LEAF and tree < trees:
-                middle = (a + b) >> 1
-                d = forest.axis[middle]
-                gap = point[d] - forest.points[middle, d]
-                farther = least - away[d] * away[d] + gap * gap
-                # The farther side waits; the middle itself belongs to both, and is looked at here.
-                if forest.ids[middle] != own:
-                    apart = 0.0
-                    for e in range(dimension):
-                        step = point[e] - forest.points[middle, e]
-                        apart += step * step
-                    count = _offer(distances, ids, count, k, apart, forest.ids[middle])
-                beyond[size] = farther
-                offset[size] = away
-                offset[size, d] = gap
-                if gap <= 0.0:
-                    waiting[size, 0], waiting[size, 1] = middle + 1, b
-                    b = middle
-                else:
-                    waiting[size, 0], waiting[size, 1] = a, middle
-                    a = middle + 1
-                size += 1
-            for i in range(a, b):
-                if forest.ids[i] == own:
-                    continue
-                apart = 0.0
-                for e in range(dimension):
-                    step = point[e] - forest.points[i, e]
-                    apart += step * step
-                count = _offer(distances, ids, count, k, apart, forest.ids[i])
+            place = min(count, k - 1)
+            while place > 0 and distances[place - 1] > apart:
+                distances[place], ids[place] = distances[place - 1], ids[place - 1]
+                place -= 1
+            distances[place], ids[place] = apart, forest.ids[i]
+            count = min(count + 1, k)
     return count
-
-
-@njit(cache=True, nogil=True)
-def _nearest_of(forest: Forest, points: FloatArray, k: int, first: int) -> NDArray[np.int64]:
-    result = np.full((len(points), k), -1, np.int64)
-    distances, ids = np.empty(k), np.empty(k, np.int64)
-    for i in range(len(points)):
-        own = first + i if first >= 0 else -1
-        count = nearest_in(forest, points[i], own, k, distances, ids)
-        result[i, :count] = ids[:count]
-    return result

@@ -19,8 +19,8 @@ from trailmark.collision import StateChecker
 from trailmark.compiled import njit
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import wrapped
+from trailmark.motion.density import sort_in_place
 from trailmark.se2 import FloatArray
-from trailmark.sorting import sort_in_place
 from trailmark.touching import TOUCHING_TOLERANCE
 from trailmark.zones import OneWayZone, Zone
 

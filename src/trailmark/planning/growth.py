@@ -11,12 +11,12 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
 from trailmark.landmarks.kmeans import farthest_samples
-from trailmark.nearest import near_to_near
 from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
@@ -179,7 +179,7 @@ def _spread(roadmap: Roadmap, count: int, rng: np.random.Generator, settings: Pl
         kept = max(count, int(FARTHEST * len(samples)))
         samples = farthest_samples(samples, roadmap.configurations, kept, radius=radius)
     # Landmarks come in the samples' order, and what is near in space is looked at together from here on.
-    samples = samples[near_to_near(se2.embed(samples, radius))]
+    samples = samples[cKDTree(se2.embed(samples, radius)).indices]
     roadmap.add(k_means_landmarks(samples, count, radius=radius, steps=settings.spread_steps, random_state=rng))
 
 

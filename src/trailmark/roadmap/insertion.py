@@ -142,7 +142,7 @@ def joinable_nodes(
     radius = embedding_radius(kind)
     point = np.array([q[0], q[1], radius * cos(q[2]), radius * sin(q[2])])
     distances, ids = np.empty(k), np.empty(k, np.int64)
-    count = nearest_in(forest, point, -1, k, distances, ids)
+    count = nearest_in(forest, point, k, distances, ids)
     scratch, found = new_scratch(kind), 0
     for i in range(count):
         node = configurations[ids[i]]

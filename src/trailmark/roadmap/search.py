@@ -23,7 +23,7 @@ from trailmark.motion.base import certified, charged, extra, new_scratch
 from trailmark.roadmap.adjacency import root_of
 from trailmark.roadmap.insertion import JOINED, joinable_nodes
 from trailmark.roadmap.store import Store
-from trailmark.se2 import FloatArray
+from trailmark.se2 import FloatArray, embed
 
 __all__ = [
     "UNBOUNDED",
@@ -150,7 +150,8 @@ def join_end(store: Store, q: FloatArray, neighbours: int, *, reverse: bool) -> 
     """
     nodes, motion = store.nodes.view, store.motion
     neighbours = min(len(nodes), neighbours)
-    found = joinable_nodes(motion.kind, nodes, store.index().forest(), q, neighbours, JOINED, reverse)
+    near = store.index().around(embed(q, motion.radius), neighbours)
+    found = joinable_nodes(motion.kind, nodes, near, q, neighbours, JOINED, reverse)
     return EndNodes(found, motion.costs(nodes[found], q) if reverse else motion.costs(q, nodes[found]))
 
 
