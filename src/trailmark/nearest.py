@@ -7,7 +7,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
 
 from trailmark.compiled import njit
 
@@ -83,20 +82,17 @@ class NearestNeighbours:
         most, share = NEWER
         if n - self._tree.n > max(most, share * self._tree.n):
             self._tree = cKDTree(self._points)
-        tree, apart, ids = self._tree, np.empty((m, 0)), np.empty((m, 0), np.int64)
+        tree, ids = self._tree, np.empty((m, 0), np.int64)
         if tree.n:
-            apart, ids = tree.query(points, np.arange(1, min(k + (first >= 0), tree.n) + 1))
-        if n > tree.n:
-            newer = np.broadcast_to(np.arange(tree.n, n), (m, n - tree.n))
-            apart, ids = np.hstack([apart, cdist(points, self._points[tree.n :])]), np.hstack([ids, newer])
+            ids = tree.query(points, np.arange(1, min(k + (first >= 0), tree.n) + 1))[1]
+        ids = np.hstack([ids, np.broadcast_to(np.arange(tree.n, n), (m, n - tree.n))])
+        # By one formula for all, and of points equally far the older one first: it does not matter when they came.
+        apart = ((self._points[ids] - points[:, None]) ** 2).sum(axis=2)
         if first >= 0:
-            ids[ids == first + np.arange(m)[:, None]] = -1
-            apart[ids < 0] = np.inf
-        if n > tree.n or first >= 0:
-            order = np.argsort(apart, axis=1, kind="stable")[:, :k]
-            ids = ids[np.arange(m)[:, None], order]
-        result = np.full((m, k), -1, np.int64)
-        result[:, : ids.shape[1]] = ids
+            own = ids == first + np.arange(m)[:, None]
+            ids[own], apart[own] = -1, np.inf
+        result, order = np.full((m, k), -1, np.int64), np.lexsort((ids, apart), axis=1)[:, :k]
+        result[:, : order.shape[1]] = ids[np.arange(m)[:, None], order]
         return result
 
 
