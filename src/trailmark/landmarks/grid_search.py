@@ -1,8 +1,17 @@
-"""Costs of a disc's paths over the cells of a grid: compiled Dijkstra search, and the cells' clearances."""
+"""Costs on grids, compiled: over cells by Dijkstra's algorithm, over vertices by the fast marching method.
+
+Three searches, since they differ in more than what a step costs: :func:`grid_costs` looks at clearances only where it
+gets to, and in A*'s order; :func:`flood` goes through all cells, whose costs are known, by whole numbers; of
+:func:`march`'s fronts, which take no way for longer because of its direction, each vertex takes part of two.
+
+Sources: Dial, "Algorithm 360: shortest-path forest with topological ordering", CACM 12(11), 1969; Kimmel & Sethian,
+"Computing geodesic paths on manifolds", PNAS 95, 1998.
+"""
 
 from __future__ import annotations
 
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +21,25 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
+from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.se2 import FloatArray
 
-__all__ = ["CORNER_FACTOR", "STEP_X", "STEP_Y", "UNSURE_FACTOR", "cell_clearance", "fill_clearance", "grid_costs"]
+__all__ = [
+    "CLOSED",
+    "CORNER_FACTOR",
+    "STEP_X",
+    "STEP_Y",
+    "UNIT",
+    "UNSURE_FACTOR",
+    "cell_clearance",
+    "fill_clearance",
+    "flood",
+    "grid_costs",
+    "march",
+    "on_diagonal",
+]
+
+IntArray = NDArray[np.int32]
 
 UNSURE_FACTOR = 3.0
 """Factor on the cost of a step to or from a cell whose centre is too close to an obstacle for the disc."""
@@ -25,6 +50,121 @@ CORNER_FACTOR = 2.0
 # Columns and rows of the eight neighbours, counter-clockwise from +x: direction k has heading k * 45 degrees.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1])
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1])
+
+
+class _Buckets(NamedTuple):
+    """A queue of cells by whole numbers, their levels, in place of a heap; each is in it once.
+
+    Attributes:
+        first: (buckets,) first cell of each, -1 for none; a power of two of them, more than levels wait at a time.
+        links: (cells, 2) next cell of the same bucket, -1 for none; and the one before, -2 - bucket of the first, -1 of
+            a cell that does not wait.
+    """
+
+    first: IntArray
+    links: IntArray
+
+
+@njit(cache=True)
+def _buckets(count: int, cells: int) -> _Buckets:
+    """Return an empty queue."""
+    return _Buckets(np.full(count, -1, np.int32), np.full((cells, 2), -1, np.int32))
+
+
+@njit(cache=True)
+def _put(queue: _Buckets, cell: int, level: int) -> None:
+    """Let a cell wait at a level, and at no other."""
+    first, links = queue.first, queue.links
+    if links[cell, 1] != -1:
+        _leave(queue, cell)
+    bucket = level & (len(first) - 1)
+    second = first[bucket]
+    first[bucket], links[cell, 0], links[cell, 1] = cell, second, -2 - bucket
+    if second >= 0:
+        links[second, 1] = cell
+
+
+@njit(cache=True)
+def _leave(queue: _Buckets, cell: int) -> None:
+    """Let a cell wait no longer."""
+    links = queue.links
+    after, before = links[cell, 0], links[cell, 1]
+    if before >= 0:
+        links[before, 0] = after
+    else:
+        queue.first[-2 - before] = after
+    if after >= 0:
+        links[after, 1] = before
+    links[cell, 1] = -1
+
+
+@njit(cache=True)
+def _take(queue: _Buckets, level: int) -> int:
+    """Return a cell that waited at a level, -1 if none does."""
+    cell = queue.first[level & (len(queue.first) - 1)]
+    if cell >= 0:
+        _leave(queue, cell)
+    return int(cell)
+
+
+# --- Cells whose costs are known.
+
+UNIT, CLOSED, FAR = 70, 0, 2**31 - 1
+"""Parts of a cell's edge that costs are counted in: 99 of them are its diagonal within 5e-5; the cost of a cell that is
+closed, and of what is not reached."""
+
+FURTHER = 32
+"""Cells farther than the target that are still gone through: a way may lead off before it comes nearer."""
+
+
+@njit(cache=True, nogil=True)
+def flood(dear: IntArray, source: int, target: int, cutting: bool) -> NDArray[np.float32]:
+    """Return the costs of cells to a source, in edges of a cell, shape (rows, columns); infinite if not reached.
+
+    Args:
+        dear: (rows, columns), what crossing each cell costs, in parts; CLOSED ones all around.
+        source: row * columns + column.
+        target: likewise: cells much farther than it are left out; -1 for none.
+        cutting: whether diagonal steps may lead past a closed cell.
+    """
+    cells, width = dear.reshape(-1), dear.shape[1]
+    buckets = 1
+    while buckets <= 1.5 * cells.max():
+        buckets *= 2
+    queue, cost = _buckets(buckets, len(cells)), np.full(len(cells), FAR, np.int32)
+    steps = STEP_Y * width + STEP_X
+    cost[source], reached, last, empty = 0, 0, FAR, 0
+    _put(queue, source, 0)
+    while empty < buckets and reached <= last:
+        cell = _take(queue, reached)
+        if cell < 0:
+            reached, empty = reached + 1, empty + 1
+            continue
+        empty = 0
+        if cell == target:
+            last = reached + FURTHER * UNIT
+        for j in range(8):
+            other = cell + steps[j]
+            if cells[other] == CLOSED:
+                continue
+            if j % 2 and not (cutting or (cells[cell + STEP_X[j]] and cells[other - STEP_X[j]])):
+                continue
+            both = cells[cell] + cells[other]
+            # 181 / 256: half of the square root of 2.
+            forward = reached + (both * 181 + 128 >> 8 if j % 2 else both >> 1)
+            if forward < cost[other]:
+                cost[other] = forward
+                _put(queue, other, forward)
+    found = np.empty(len(cells), np.float32)
+    for cell in range(len(cells)):
+        found[cell] = inf if cost[cell] == FAR else cost[cell] / UNIT
+    return found.reshape(dear.shape)
+
+
+# --- Cells whose clearances become known on the way.
+
+LEVELS = 16
+"""More than wait at a time: the largest step adds 3 * 2 * sqrt(2) cells, and sqrt(2) more of straight distance."""
 
 
 @njit(cache=True)
@@ -63,12 +203,6 @@ def fill_clearance(
             clearance[row, column] = cell_clearance(grid, field, x, y, size, radius)
 
 
-@njit(cache=True)
-def _straight_distance(target: int, goal_row: int, goal_column: int, row: int, column: int) -> float:
-    """Return the straight distance to the target, in cells; 0 without a target."""
-    return hypot(row - goal_row, column - goal_column) if target >= 0 else 0.0
-
-
 @njit(cache=True, nogil=True)
 def grid_costs(
     grid: ObstacleGrid,
@@ -87,9 +221,9 @@ def grid_costs(
 ) -> tuple[FloatArray, NDArray[np.int8], float]:
     """Return costs and parents of the cells up to ``limit`` (metres), and that limit.
 
-    A ring of buckets one cell wide serves as the queue (Dial 1969). With a target, cells are expanded in the order of
-    cost plus straight distance to the target (A*), so that those on no path within the limit are never expanded; a cell
-    improved within its own bucket is expanded again.
+    A level is one cell wide. With a target, cells are expanded in the order of cost plus straight distance to the
+    target (A*), so that those on no path within the limit are never expanded; a cell improved within its own level is
+    expanded again.
 
     Args:
         grid: the obstacles.
@@ -108,75 +242,134 @@ def grid_costs(
             left out.
     """
     rows, columns = clearance.shape
-    cost = np.full((rows, columns), np.inf)
-    parent = np.full((rows, columns), -1, np.int8)
-    bucket_of = np.full((rows, columns), -1, np.int32)
-    # The largest step adds 3 * 2 * sqrt(2) cells and sqrt(2) more of straight distance: ten buckets.
-    buckets = 16
-    head = np.full(buckets, -1, np.int64)
-    capacity = 4096
-    queued, next_entry = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-    free, used, size_of_queue = -1, 1, 1
+    cost, parent = np.full((rows, columns), np.inf), np.full((rows, columns), -1, np.int8)
+    queue = _buckets(LEVELS, rows * columns)
     fill_clearance(grid, field, clearance, np.array([source]), x0, y0, size, radius)
     cost[source // columns, source % columns] = 0.0
-    goal_row, goal_column = target // columns, target % columns
-    level = int(_straight_distance(target, goal_row, goal_column, source // columns, source % columns))
-    queued[0], next_entry[0], head[level % buckets] = source, -1, 0
-    bucket_of[source // columns, source % columns] = level
-    while size_of_queue > 0 and level * size <= limit:
-        slot = level % buckets
-        while head[slot] >= 0:
-            entry = head[slot]
-            head[slot] = next_entry[entry]
-            cell = queued[entry]
-            next_entry[entry], free = free, entry
-            size_of_queue -= 1
-            r, c = cell // columns, cell % columns
-            key = cost[r, c]
-            if bucket_of[r, c] != level:
+    level = int(_straight(target, source // columns, source % columns, columns))
+    empty = 0
+    _put(queue, source, level)
+    while empty < LEVELS and level * size <= limit:
+        cell = _take(queue, level)
+        if cell < 0:
+            level, empty = level + 1, empty + 1
+            continue
+        empty = 0
+        r, c = cell // columns, cell % columns
+        reached = cost[r, c]
+        if cell == target and reached > 0.0:
+            limit = min(limit, (1.0 + widening) * reached + 8.0 * size)
+        for j in range(8):
+            # Straight neighbours first: a diagonal step depends on their clearance.
+            k = 2 * j if j < 4 else 2 * j - 7
+            nr, nc = r + STEP_Y[k], c + STEP_X[k]
+            if not (0 <= nr < rows and 0 <= nc < columns):
                 continue
-            bucket_of[r, c] = -1
-            if cell == target and key > 0.0:
-                limit = min(limit, (1.0 + widening) * key + 8.0 * size)
-            for j in range(8):
-                # Straight neighbours first: a diagonal step depends on their clearance.
-                k = 2 * j if j < 4 else 2 * j - 7
-                nr, nc = r + STEP_Y[k], c + STEP_X[k]
-                if not (0 <= nr < rows and 0 <= nc < columns):
-                    continue
-                there = clearance[nr, nc]
-                if np.isnan(there):
-                    there = cell_clearance(grid, field, x0 + (nc + 0.5) * size, y0 + (nr + 0.5) * size, size, radius)
-                    clearance[nr, nc] = there
-                if there < min_clearance:
-                    continue
-                step = size * (sqrt(2.0) if k % 2 else 1.0)
-                # The same in both directions, so that costs from the start and from the goal add up.
-                if there < radius or clearance[r, c] < radius:
-                    step *= UNSURE_FACTOR
-                if k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius:
-                    step *= CORNER_FACTOR
-                if len(remaining) and key + step + remaining[nr, nc] > limit:
-                    continue
-                if key + step < cost[nr, nc]:
-                    cost[nr, nc] = key + step
-                    parent[nr, nc] = (k + 4) % 8
-                    if free >= 0:
-                        entry, free = free, next_entry[free]
-                    else:
-                        if used == capacity:
-                            capacity *= 2
-                            more_queued, more_entries = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-                            more_queued[:used], more_entries[:used] = queued, next_entry
-                            queued, next_entry = more_queued, more_entries
-                        entry, used = used, used + 1
-                    # Never an earlier bucket: straight towards the target the sum is the same but for rounding.
-                    at = max(
-                        level, int((key + step) / size + _straight_distance(target, goal_row, goal_column, nr, nc))
-                    )
-                    bucket_of[nr, nc] = at
-                    slot_of = at % buckets
-                    queued[entry], next_entry[entry], head[slot_of] = nr * columns + nc, head[slot_of], entry
-                    size_of_queue += 1
-        level += 1
+            there = clearance[nr, nc]
+            if np.isnan(there):
+                there = cell_clearance(grid, field, x0 + (nc + 0.5) * size, y0 + (nr + 0.5) * size, size, radius)
+                clearance[nr, nc] = there
+            if there < min_clearance:
+                continue
+            step = size * (sqrt(2.0) if k % 2 else 1.0)
+            # The same in both directions, so that costs from the start and from the goal add up.
+            if there < radius or clearance[r, c] < radius:
+                step *= UNSURE_FACTOR
+            if k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius:
+                step *= CORNER_FACTOR
+            forward = reached + step
+            if forward < cost[nr, nc] and not (len(remaining) and forward + remaining[nr, nc] > limit):
+                cost[nr, nc], parent[nr, nc] = forward, (k + 4) % 8
+                # Never an earlier level: straight towards the target the sum is the same but for rounding.
+                straight = _straight(target, nr, nc, columns)
+                _put(queue, nr * columns + nc, max(level, int(forward / size + straight)))
     return cost, parent, limit
+
+
+@njit(cache=True)
+def _straight(target: int, row: int, column: int, columns: int) -> float:
+    """Return the straight distance to the target, in cells; 0 without a target."""
+    return hypot(row - target // columns, column - target % columns) if target >= 0 else 0.0
+
+
+# --- Vertices between squares that differ in density. Each square is cut into two triangles, mirrored from one to the
+# next.
+
+
+@njit(cache=True)
+def march(density: FloatArray, size: float, row: int, column: int) -> FloatArray:
+    """Return the costs from a square's corners to the vertices of all squares, shape (rows + 1, columns + 1).
+
+    Args:
+        density: what a metre costs in each square, shape (rows, columns); infinite where nothing leads through.
+        size: edge of a square, metres.
+        row: of the square.
+        column: likewise.
+    """
+    rows, columns = density.shape
+    width = columns + 1
+    value, trial = np.full((rows + 1, width), np.inf), np.full((rows + 1, width), np.inf)
+    keys, vertices, waiting = np.empty(1024), np.empty(1024, np.int64), 0
+    for i in range(row, row + 2):
+        for j in range(column, column + 2):
+            trial[i, j] = 0.0
+            waiting = heap_push(keys, vertices, waiting, 0.0, i * width + j)
+    while waiting > 0:
+        waiting = heap_pop(keys, vertices, waiting)
+        i, j = vertices[waiting] // width, vertices[waiting] % width
+        if value[i, j] < np.inf or keys[waiting] > trial[i, j]:
+            continue
+        value[i, j] = trial[i, j]
+        if waiting + 8 > len(keys):
+            keys, vertices = heap_grow(keys, vertices)
+        for u in range(max(0, i - 1), min(rows, i + 1) + 1):
+            for v in range(max(0, j - 1), min(columns, j + 1) + 1):
+                found = _value_at(value, density, size, u, v) if value[u, v] == np.inf else np.inf
+                if found < trial[u, v]:
+                    trial[u, v] = found
+                    waiting = heap_push(keys, vertices, waiting, found, u * width + v)
+    return value
+
+
+@njit(cache=True)
+def _value_at(value: FloatArray, density: FloatArray, size: float, i: int, j: int) -> float:
+    """Return the value at a vertex by what is known of the other vertices of its triangles."""
+    found = np.inf
+    for a in range(2):
+        for b in range(2):
+            row, column = i - a, j - b
+            if not (0 <= row < density.shape[0] and 0 <= column < density.shape[1]) or density[row, column] == np.inf:
+                continue
+            step = density[row, column] * size
+            across, along = value[row + 1 - a, j], value[i, column + 1 - b]
+            if on_diagonal(row, column, a, b):
+                opposite = value[row + 1 - a, column + 1 - b]
+                found = min(found, _acute(across, opposite, step), _acute(along, opposite, step))
+            else:
+                found = min(found, _right(across, along, step))
+    return found
+
+
+@njit(cache=True)
+def on_diagonal(row: int, column: int, a: int, b: int) -> bool:
+    """Return whether a square's corner lies on the diagonal that cuts it in two; neighbours have mirrored ones."""
+    return ((row + column) & 1 == 0) == (a == b)
+
+
+@njit(cache=True)
+def _right(a: float, b: float, step: float) -> float:
+    """Return the value at the right angle's vertex by those at the legs' ends: (u − a)² + (u − b)² = step²."""
+    gap = abs(a - b)
+    if gap >= step:
+        # No front comes from between the two; if one is not known yet, none can.
+        return min(a, b) + step
+    return 0.5 * (a + b + sqrt(2.0 * step * step - gap * gap))
+
+
+@njit(cache=True)
+def _acute(right: float, other: float, step: float) -> float:
+    """Return the value at a leg's end by the right angle's and the other leg's end: (u − r)² + (o − r)² = step²."""
+    gap = right - other
+    if 0.0 <= gap <= step * sqrt(0.5):
+        return right + sqrt(step * step - gap * gap)
+    return min(right + step, other + sqrt(2.0) * step)
