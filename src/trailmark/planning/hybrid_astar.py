@@ -193,9 +193,7 @@ class _Tree(NamedTuple):
 
 
 class _Guide(NamedTuple):
-    """The relaxed problem's costs to go, (rows, columns), the grid's corner and edge of a cell (metres), the disc's
-    centre in the robot's frame, shape (2,).
-    """
+    """The relaxed problem's costs to go with their grid, metres, and the disc's centre in the robot's frame."""
 
     cost: FloatArray
     x0: float

@@ -15,7 +15,7 @@ from trailmark.keep_out import with_keep_outs
 from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.objective import Objective
-from trailmark.planning.space_time.obstacles import MovingObstacles
+from trailmark.planning.space_time import MovingObstacles
 from trailmark.planning.updating import Update
 from trailmark.planning.world_model import WorldModel
 from trailmark.world import Robot, World
