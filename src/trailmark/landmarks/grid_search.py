@@ -1,8 +1,6 @@
 """Costs on grids, compiled: over cells by Dijkstra's algorithm, over vertices by the fast marching method.
 
-Three searches, since they differ in more than what a step costs: :func:`grid_costs` looks at clearances only where it
-gets to, and in A*'s order; :func:`flood` goes through all cells, whose costs are known, by whole numbers; of
-:func:`march`'s fronts, which take no way for longer because of its direction, each vertex takes part of two.
+Fronts take no way for longer because of its direction, but each vertex takes part of two: no search along edges does.
 
 Sources: Dial, "Algorithm 360: shortest-path forest with topological ordering", CACM 12(11), 1969; Kimmel & Sethian,
 "Computing geodesic paths on manifolds", PNAS 95, 1998.
@@ -10,7 +8,7 @@ Sources: Dial, "Algorithm 360: shortest-path forest with topological ordering", 
 
 from __future__ import annotations
 
-from math import hypot, inf, sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -26,26 +24,16 @@ from trailmark.se2 import FloatArray
 
 __all__ = [
     "CLOSED",
-    "CORNER_FACTOR",
     "STEP_X",
     "STEP_Y",
     "UNIT",
-    "UNSURE_FACTOR",
-    "cell_clearance",
-    "fill_clearance",
+    "cell_clearances",
     "flood",
-    "grid_costs",
     "march",
     "on_diagonal",
 ]
 
 IntArray = NDArray[np.int32]
-
-UNSURE_FACTOR = 3.0
-"""Factor on the cost of a step to or from a cell whose centre is too close to an obstacle for the disc."""
-
-CORNER_FACTOR = 2.0
-"""Factor on the cost of a diagonal step past such a cell: it would likely cut an obstacle's corner."""
 
 # Columns and rows of the eight neighbours, counter-clockwise from +x: direction k has heading k * 45 degrees.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1])
@@ -107,8 +95,6 @@ def _take(queue: _Buckets, level: int) -> int:
     return int(cell)
 
 
-# --- Cells whose costs are known.
-
 UNIT, CLOSED, FAR = 70, 0, 2**31 - 1
 """Parts of a cell's edge that costs are counted in: 99 of them are its diagonal within 5e-5; the cost of a cell that is
 closed, and of what is not reached."""
@@ -118,20 +104,24 @@ FURTHER = 32
 
 
 @njit(cache=True, nogil=True)
-def flood(dear: IntArray, source: int, target: int, cutting: bool) -> NDArray[np.float32]:
-    """Return the costs of cells to a source, in edges of a cell, shape (rows, columns); infinite if not reached.
+def flood(dear: IntArray, source: int, target: int, cutting: bool) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+    """Return the costs of cells to a source, in edges of a cell, and the directions that lead back towards it.
 
     Args:
         dear: (rows, columns), what crossing each cell costs, in parts; CLOSED ones all around.
         source: row * columns + column.
         target: likewise: cells much farther than it are left out; -1 for none.
         cutting: whether diagonal steps may lead past a closed cell.
+
+    Returns:
+        Two arrays of that shape: costs, infinite where nothing leads, and numbers of steps, -1 there and at the source.
     """
     cells, width = dear.reshape(-1), dear.shape[1]
     buckets = 1
     while buckets <= 1.5 * cells.max():
         buckets *= 2
-    queue, cost = _buckets(buckets, len(cells)), np.full(len(cells), FAR, np.int32)
+    queue = _buckets(buckets, len(cells))
+    cost, back = np.full(len(cells), FAR, np.int32), np.full(len(cells), -1, np.int8)
     steps = STEP_Y * width + STEP_X
     cost[source], reached, last, empty = 0, 0, FAR, 0
     _put(queue, source, 0)
@@ -153,143 +143,46 @@ def flood(dear: IntArray, source: int, target: int, cutting: bool) -> NDArray[np
             # 181 / 256: half of the square root of 2.
             forward = reached + (both * 181 + 128 >> 8 if j % 2 else both >> 1)
             if forward < cost[other]:
-                cost[other] = forward
+                cost[other], back[other] = forward, (j + 4) % 8
                 _put(queue, other, forward)
     found = np.empty(len(cells), np.float32)
     for cell in range(len(cells)):
         found[cell] = inf if cost[cell] == FAR else cost[cell] / UNIT
-    return found.reshape(dear.shape)
-
-
-# --- Cells whose clearances become known on the way.
-
-LEVELS = 16
-"""More than wait at a time: the largest step adds 3 * 2 * sqrt(2) cells, and sqrt(2) more of straight distance."""
-
-
-@njit(cache=True)
-def cell_clearance(grid: ObstacleGrid, field: ClearanceField, x: float, y: float, size: float, radius: float) -> float:
-    """Return the clearance of a point, exact up to the radius, by the field beyond it; in an obstacle minus its depth.
-
-    Depths matter only where a cell is so large that a disc may fit at its edge although none fits at its centre.
-    """
-    value = field_value(field, x, y)
-    if value - field.slack < radius and value + field.slack + size >= radius:
-        exact = point_clearance(grid, x, y, radius)
-        if exact == 0.0 and radius < size:
-            return -point_depth(grid, x, y, size)
-        # A value at the cap is only a lower bound, as the field's is.
-        return exact if exact < radius else max(exact, value)
-    return value
-
-
-@njit(cache=True)
-def fill_clearance(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    clearance: FloatArray,
-    cells: NDArray[np.int64],
-    x0: float,
-    y0: float,
-    size: float,
-    radius: float,
-) -> None:
-    """Compute the clearance of cells where it is not known yet (NaN)."""
-    columns = clearance.shape[1]
-    for cell in cells:
-        row, column = cell // columns, cell % columns
-        if np.isnan(clearance[row, column]):
-            x, y = x0 + (column + 0.5) * size, y0 + (row + 0.5) * size
-            clearance[row, column] = cell_clearance(grid, field, x, y, size, radius)
+    return found.reshape(dear.shape), back.reshape(dear.shape)
 
 
 @njit(cache=True, nogil=True)
-def grid_costs(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    clearance: FloatArray,
-    x0: float,
-    y0: float,
-    size: float,
-    radius: float,
-    min_clearance: float,
-    source: int,
-    target: int,
-    limit: float,
-    widening: float,
-    remaining: FloatArray,
-) -> tuple[FloatArray, NDArray[np.int8], float]:
-    """Return costs and parents of the cells up to ``limit`` (metres), and that limit.
+def cell_clearances(
+    grid: ObstacleGrid, field: ClearanceField, corner: FloatArray, size: float, rows: int, columns: int, radius: float
+) -> FloatArray:
+    """Return the clearances of cells' centres, shape (rows, columns); in an obstacle minus the depth.
 
-    A level is one cell wide. With a target, cells are expanded in the order of cost plus straight distance to the
-    target (A*), so that those on no path within the limit are never expanded; a cell improved within its own level is
-    expanded again.
+    They are exact up to the radius, and by the field beyond it. Depths matter only where cells are so large that a disc
+    may fit at the edge of one although none fits at its centre.
 
     Args:
         grid: the obstacles.
         field: their clearance field.
-        clearance: (rows, columns), NaN where it is not known yet; filled in as far as the search goes.
-        x0: left edge of the cells, metres.
-        y0: lower edge of the cells, metres.
+        corner: of the first cell, metres, shape (2,).
         size: edge of a cell, metres.
+        rows: how many.
+        columns: likewise.
         radius: of the disc, metres.
-        min_clearance: of a cell's centre below which the cell is closed, metres.
-        source: cell, row * columns + column.
-        target: cell, or -1.
-        limit: metres.
-        widening: once the target is reached at some cost, the limit is (1 + ``widening``) times that cost.
-        remaining: (rows, columns) costs from elsewhere, or (0, 0): cells whose costs add up to more than the limit are
-            left out.
     """
-    rows, columns = clearance.shape
-    cost, parent = np.full((rows, columns), np.inf), np.full((rows, columns), -1, np.int8)
-    queue = _buckets(LEVELS, rows * columns)
-    fill_clearance(grid, field, clearance, np.array([source]), x0, y0, size, radius)
-    cost[source // columns, source % columns] = 0.0
-    level = int(_straight(target, source // columns, source % columns, columns))
-    empty = 0
-    _put(queue, source, level)
-    while empty < LEVELS and level * size <= limit:
-        cell = _take(queue, level)
-        if cell < 0:
-            level, empty = level + 1, empty + 1
-            continue
-        empty = 0
-        r, c = cell // columns, cell % columns
-        reached = cost[r, c]
-        if cell == target and reached > 0.0:
-            limit = min(limit, (1.0 + widening) * reached + 8.0 * size)
-        for j in range(8):
-            # Straight neighbours first: a diagonal step depends on their clearance.
-            k = 2 * j if j < 4 else 2 * j - 7
-            nr, nc = r + STEP_Y[k], c + STEP_X[k]
-            if not (0 <= nr < rows and 0 <= nc < columns):
-                continue
-            there = clearance[nr, nc]
-            if np.isnan(there):
-                there = cell_clearance(grid, field, x0 + (nc + 0.5) * size, y0 + (nr + 0.5) * size, size, radius)
-                clearance[nr, nc] = there
-            if there < min_clearance:
-                continue
-            step = size * (sqrt(2.0) if k % 2 else 1.0)
-            # The same in both directions, so that costs from the start and from the goal add up.
-            if there < radius or clearance[r, c] < radius:
-                step *= UNSURE_FACTOR
-            if k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius:
-                step *= CORNER_FACTOR
-            forward = reached + step
-            if forward < cost[nr, nc] and not (len(remaining) and forward + remaining[nr, nc] > limit):
-                cost[nr, nc], parent[nr, nc] = forward, (k + 4) % 8
-                # Never an earlier level: straight towards the target the sum is the same but for rounding.
-                straight = _straight(target, nr, nc, columns)
-                _put(queue, nr * columns + nc, max(level, int(forward / size + straight)))
-    return cost, parent, limit
-
-
-@njit(cache=True)
-def _straight(target: int, row: int, column: int, columns: int) -> float:
-    """Return the straight distance to the target, in cells; 0 without a target."""
-    return hypot(row - target // columns, column - target % columns) if target >= 0 else 0.0
+    found = np.empty((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            x, y = corner[0] + (column + 0.5) * size, corner[1] + (row + 0.5) * size
+            value = field_value(field, x, y)
+            if value - field.slack < radius and value + field.slack + size >= radius:
+                exact = point_clearance(grid, x, y, radius)
+                if exact == 0.0 and radius < size:
+                    value = -point_depth(grid, x, y, size)
+                else:
+                    # A value at the cap is only a lower bound, as the field's is.
+                    value = exact if exact < radius else max(exact, value)
+            found[row, column] = value
+    return found
 
 
 # --- Vertices between squares that differ in density. Each square is cut into two triangles, mirrored from one to the
