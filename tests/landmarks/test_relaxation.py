@@ -20,7 +20,7 @@ from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples
-from trailmark.landmarks.relaxation import UNSURE_FACTOR
+from trailmark.landmarks.relaxation import CORNER_FACTOR, UNSURE_FACTOR
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
@@ -70,8 +70,10 @@ def scipy_graph(relaxation: Relaxation) -> sparse.csr_matrix:
                 continue
             here = (slice(max(0, -dy), rows - max(0, dy)), slice(max(0, -dx), columns - max(0, dx)))
             there = (slice(max(0, dy), rows - max(0, -dy)), slice(max(0, dx), columns - max(0, -dx)))
-            dear = np.where(room < r, UNSURE_FACTOR, 1.0)
-            cost = 0.5 * size * math.hypot(dx, dy) * (dear[here] + dear[there])
+            side, other = (here[0], there[1]), (there[0], here[1])
+            cost = size * math.hypot(dx, dy) * np.where((room[here] < r) | (room[there] < r), UNSURE_FACTOR, 1.0)
+            if dx and dy:
+                cost *= np.where((room[side] < r) | (room[other] < r), CORNER_FACTOR, 1.0)
             may = relaxation.open[there]
             starts.append(index[here][may])
             ends.append(index[there][may])

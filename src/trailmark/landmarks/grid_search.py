@@ -104,21 +104,22 @@ FURTHER = 32
 
 
 @njit(cache=True, nogil=True)
-def flood(dear: IntArray, source: int, target: int, cutting: bool) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+def flood(dear: IntArray, source: int, target: int, corners: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
     """Return the costs of cells to a source, in edges of a cell, and the directions that lead back towards it.
 
     Args:
         dear: (rows, columns), what crossing each cell costs, in parts; CLOSED ones all around.
         source: row * columns + column.
         target: likewise: cells much farther than it are left out; -1 for none.
-        cutting: whether diagonal steps may lead past a closed cell.
+        corners: factor on the cost of diagonal steps past a cell that is closed, or costs more than UNIT; 0: none lead
+            there.
 
     Returns:
         Two arrays of that shape: costs, infinite where nothing leads, and numbers of steps, -1 there and at the source.
     """
     cells, width = dear.reshape(-1), dear.shape[1]
     buckets = 1
-    while buckets <= 1.5 * cells.max():
+    while buckets <= 1.5 * cells.max() * max(1, corners):
         buckets *= 2
     queue = _buckets(buckets, len(cells))
     cost, back = np.full(len(cells), FAR, np.int32), np.full(len(cells), -1, np.int8)
@@ -137,11 +138,16 @@ def flood(dear: IntArray, source: int, target: int, cutting: bool) -> tuple[NDAr
             other = cell + steps[j]
             if cells[other] == CLOSED:
                 continue
-            if j % 2 and not (cutting or (cells[cell + STEP_X[j]] and cells[other - STEP_X[j]])):
-                continue
-            both = cells[cell] + cells[other]
-            # 181 / 256: half of the square root of 2.
-            forward = reached + (both * 181 + 128 >> 8 if j % 2 else both >> 1)
+            # Of two cells the dearer counts.
+            step = max(cells[cell], cells[other])
+            if j % 2:
+                if corners != 1 and (cells[cell + STEP_X[j]] != UNIT or cells[other - STEP_X[j]] != UNIT):
+                    if corners == 0:
+                        continue
+                    step *= corners
+                # 362 / 256: the square root of 2.
+                step = step * 362 + 128 >> 8
+            forward = reached + step
             if forward < cost[other]:
                 cost[other], back[other] = forward, (j + 4) % 8
                 _put(queue, other, forward)

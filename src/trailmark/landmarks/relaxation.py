@@ -29,6 +29,9 @@ MAX_CELLS, FINEST_CELLS = 1 << 16, 1 << 20
 UNSURE_FACTOR = 3
 """How many times dearer a cell is whose centre is too close to an obstacle for the disc."""
 
+CORNER_FACTOR = 2
+"""Factor on the cost of a diagonal step past such a cell: it would likely cut an obstacle's corner."""
+
 
 @dataclass(frozen=True)
 class CostMap:
@@ -150,7 +153,7 @@ class Relaxation:
             widening: see ``target``.
         """
         row, column = divmod(int(self.cells(self.disc_centers(q))), self.columns)
-        cost, parent = flood(self._dear, (row + 1) * (self.columns + 2) + column + 1, -1, True)
+        cost, parent = flood(self._dear, (row + 1) * (self.columns + 2) + column + 1, -1, CORNER_FACTOR)
         costs = CostMap(cost[1:-1, 1:-1] * float(self.size), np.ascontiguousarray(parent[1:-1, 1:-1]), np.inf)
         reached = np.inf if target is None else float(self.cost_at(costs, target))
         return replace(costs, limit=(1.0 + widening) * reached + 8.0 * self.size) if reached > 0.0 else costs

@@ -19,14 +19,15 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.clock import CLOCK_EVERY, Deadline, now
 from trailmark.collision.certify import curve_motion
-from trailmark.collision.kernels import FREE, state, workspace
+from trailmark.collision.kernels import FREE, state
 from trailmark.compiled import njit
-from trailmark.curves.shortest import MAX_WORDS, all_words, curve_states
+from trailmark.curves.shortest import all_words, curve_states
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
 from trailmark.heap import COUNT, WAITING, add_label, entry_of, new_labels, next_label, with_room
 from trailmark.landmarks.kmeans import lloyd
 from trailmark.landmarks.relaxation import CostMap, Relaxation
 from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion.base import Scratch, new_scratch
 from trailmark.motion.curve import Curve, word_extra
 from trailmark.motion.one_way import OneWays, curve_allowed, one_ways
 from trailmark.nearest import nearest_to
@@ -192,6 +193,14 @@ class _Tree(NamedTuple):
     word: FloatArray
 
 
+class _Car(NamedTuple):
+    """How a car moves whatever its metres are charged, the one-way zones that it minds, -1 if it drives to sources."""
+
+    kind: Curve
+    zones: OneWays
+    sign: float
+
+
 class _Guide(NamedTuple):
     """The relaxed problem's costs to go with their grid, metres, and the disc's centre in the robot's frame."""
 
@@ -206,11 +215,12 @@ def _grown(
     motions: Motion, relaxation: Relaxation, costs: CostMap, sources: FloatArray, reverse: bool, *options: Any
 ) -> _Tree:
     """Return a tree of drives; the options are those of :func:`_grow`."""
-    # A car's kind of motion, whatever its metres are charged, and the one-way zones that it minds.
-    weighted = isinstance(motions, WeightedMotion)
-    kind, zones = (motions.motion.kind, motions.kind.one_way) if weighted else (motions.kind, one_ways(()))
+    kind, zones = motions.kind, one_ways(())
+    if isinstance(motions, WeightedMotion):
+        kind, zones = motions.motion.kind, motions.kind.one_way
     guide = _Guide(costs.cost, float(relaxation.x0), float(relaxation.y0), float(relaxation.size), relaxation.center)
-    return _Tree(kind.radius, *_grow(kind, zones, guide, np.array(sources, order="C"), reverse, *options))
+    car = _Car(kind, zones, -1.0 if reverse else 1.0)
+    return _Tree(kind.radius, *_grow(car, guide, np.array(sources, order="C"), *options))
 
 
 def _joined(tree: _Tree, chosen: NDArray[np.int64], m: int) -> Reached:
@@ -259,57 +269,41 @@ def _cell_of(q: FloatArray, guide: _Guide, cell: float, columns: int, headings: 
 
 
 @njit(cache=True)
-def _free(
-    kind: Curve,
-    zones: OneWays,
-    sign: float,
-    q: FloatArray,
-    word: FloatArray,
-    end: FloatArray,
-    placed: FloatArray,
-    queue: FloatArray,
-) -> bool:
-    """Return whether a word from q to ``end`` is certified; ``sign`` is -1 if it is driven from there to q."""
-    if sign > 0.0:
-        allowed = curve_allowed(zones, q, word, kind.radius)
+def _free(car: _Car, scratch: Scratch, q: FloatArray, word: FloatArray, end: FloatArray) -> bool:
+    """Return whether a word from q to ``end`` is certified, in the direction in which it is driven."""
+    kind = car.kind
+    if car.sign > 0.0:
+        allowed = curve_allowed(car.zones, q, word, kind.radius)
     else:
-        allowed = curve_allowed(zones, end, reversed_word(word), kind.radius)
+        allowed = curve_allowed(car.zones, end, reversed_word(word), kind.radius)
+    placed, queue = scratch.placed, scratch.queue
     return allowed and curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius) == FREE
 
 
 @njit(cache=True)
 def _word_to(
-    kind: Curve,
-    zones: OneWays,
-    sign: float,
-    q: FloatArray,
-    gear: float,
-    target: FloatArray,
-    last_gear: float,
-    limit: float,
-    placed: FloatArray,
-    queue: FloatArray,
-    words: FloatArray,
+    car: _Car, scratch: Scratch, q: FloatArray, gear: float, targets: Targets, t: int, limit: float
 ) -> tuple[float, int]:
     """Return the cost of the cheapest certified word from q to a target, and its number; infinite if none is found.
 
-    The words are then those that lead from q. ``sign`` is -1 if they are driven from the target to q.
+    The words of the scratch memory are then those that lead from q.
     """
-    n, swapped = all_words(q, target, kind.radius, kind.reverse, words)
+    kind, words = car.kind, scratch.words
+    n, swapped = all_words(q, targets.configurations[t], kind.radius, kind.reverse, words)
     prices = np.empty(n)
     for k in range(n):
         if swapped:
             words[k] = reversed_word(words[k])
-        words[k, 0] *= sign
+        words[k, 0] *= car.sign
         more, last = word_extra(words[k], kind.radius, kind.direction_change, kind.reverse_metre, gear)
-        words[k, 0] *= sign
-        change = kind.direction_change if last * last_gear < 0 else 0.0
+        words[k, 0] *= car.sign
+        change = kind.direction_change if last * targets.gears[t] < 0 else 0.0
         prices[k] = kind.radius * unit_length(words[k]) + more + change
     for _ in range(MAX_TRIED):
         k = int(np.argmin(prices))
         if prices[k] >= limit:
             break
-        if _free(kind, zones, sign, q, words[k], target, placed, queue):
+        if _free(car, scratch, q, words[k], targets.configurations[t]):
             return prices[k], k
         prices[k] = np.inf
     return np.inf, -1
@@ -317,11 +311,9 @@ def _word_to(
 
 @njit(cache=True, nogil=True)
 def _grow(
-    kind: Curve,
-    zones: OneWays,
+    car: _Car,
     guide: _Guide,
     sources: FloatArray,
-    reverse: bool,
     step: float,
     cell: float,
     targets: Targets,
@@ -330,9 +322,8 @@ def _grow(
     deadline: Deadline,
 ) -> tuple[FloatArray, NDArray[np.int32], FloatArray, int, int, FloatArray]:
     """Return what :class:`_Tree` holds beside the radius; the arguments are those of :func:`drive_to`."""
-    m, radius, sign = len(sources), kind.radius, -1.0 if reverse else 1.0
-    placed, queue = workspace(kind.robot), np.empty((128, 2))
-    word, end, words = np.zeros((2, PIECES)), np.empty(3), np.empty((MAX_WORDS, 2, PIECES))
+    m, kind, sign, scratch = len(sources), car.kind, car.sign, new_scratch(car.kind)
+    radius, word, end = kind.radius, np.zeros((2, PIECES)), np.empty(3)
     charged = kind.direction_change > 0.0 or kind.reverse_metre > 0.0
     headings = max(8, min(1440, ceil(2.0 * pi * radius / cell)))
     columns = ceil(guide.cost.shape[1] * guide.size / cell) + 2
@@ -356,12 +347,10 @@ def _grow(
             for t in range(len(targets.costs)):
                 target, beyond = targets.configurations[t], driven + targets.costs[t]
                 if beyond + hypot(target[0] - here[0], target[1] - here[1]) < best:
-                    price, k = _word_to(
-                        kind, zones, sign, here, gear, target, targets.gears[t], best - beyond, placed, queue, words
-                    )
+                    price, k = _word_to(car, scratch, here, gear, targets, t, best - beyond)
                     if k >= 0:
                         best, best_label, best_target = beyond + price, at, t
-                        best_word[:] = words[k]
+                        best_word[:] = scratch.words[k]
         expanded += 1
         if expanded % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
             break
@@ -382,8 +371,8 @@ def _grow(
                         break
                     if (
                         cost + ahead < best
-                        and state(kind.grid, kind.field, kind.robot, placed, end[0], end[1], end[2]) == FREE
-                        and _free(kind, zones, sign, here, word, end, placed, queue)
+                        and state(kind.grid, kind.field, kind.robot, scratch.placed, end[0], end[1], end[2]) == FREE
+                        and _free(car, scratch, here, word, end)
                     ):
                         if known >= 0:
                             labels.closed[known] = 1

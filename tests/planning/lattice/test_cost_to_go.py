@@ -22,12 +22,8 @@ from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 
-LEAST, MOST = 70 / 71, 142 / 141
-"""How far costs may be off: a cell's is rounded to 70ths, 70 of them at least, and what a step costs is floored.
-
-At worst a straight step between cells of just under 70.5 and 71.5, their mean 71, counts 70; between two of just over
-70.5 it counts 71. Diagonal steps are off by less.
-"""
+LEAST, MOST = 70 / 71, 71 / 70
+"""How far costs may be off: a cell's is rounded to 70ths, 70 of them at least, and that of a diagonal step again."""
 
 SINGLE = 1e-6
 """Share of a cost by which single precision and sums in another order may differ."""
@@ -73,7 +69,7 @@ def spelled_out(costs: CostToGo, dear: FloatArray, source: tuple[int, int]) -> F
     a, b = (np.concatenate([side.reshape(-1) for side in sides]) for sides in zip(*pairs, strict=True))
     rows, columns = (np.unravel_index(side, dear.shape) for side in (a, b))
     step = np.hypot(rows[0] - columns[0], rows[1] - columns[1])
-    weight = 0.5 * step * (dear.reshape(-1)[a] + dear.reshape(-1)[b])
+    weight = step * np.maximum(dear.reshape(-1)[a], dear.reshape(-1)[b])
     open_ = np.isfinite(weight)
     graph = csr_array((weight[open_], (a[open_], b[open_])), shape=(dear.size, dear.size))
     return np.asarray(dijkstra(graph, directed=False, indices=at[source])).reshape(dear.shape)

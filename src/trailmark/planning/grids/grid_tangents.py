@@ -113,7 +113,7 @@ class GridTangents:
         """Return the lengths to b by steps from cell to cell, as far as they matter from a, shape (rows, columns)."""
         columns = self.grid.blocked.shape[1]
         start, goal = (int(point[1]) * columns + int(point[0]) for point in self._in_cells(a, b))
-        return np.asarray(flood(self._open, goal, start, False)[0])
+        return np.asarray(flood(self._open, goal, start, 0)[0])
 
     def certified(self, bends: FloatArray) -> bool:
         """Return whether the disc is free along a path of bends, shape (n, 2), metres, with a micrometre to spare."""

@@ -96,7 +96,7 @@ class CostToGo:
         if dear[row + 1, column + 1] == CLOSED:
             # The goal's own cell is open in any case.
             dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness))
-        cost = flood(dear, (row + 1) * (columns + 2) + column + 1, -1, True)[0][1:-1, 1:-1]
+        cost = flood(dear, (row + 1) * (columns + 2) + column + 1, -1, 1)[0][1:-1, 1:-1]
         return cls(np.ascontiguousarray(cost * np.float32(size * least)), xmin, ymin, size, weights, least)
 
     def at(self, x: float, y: float) -> float:
