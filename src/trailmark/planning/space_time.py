@@ -8,9 +8,9 @@ stands.
 
 In the frame of an obstacle with velocity v, a robot that goes straight from a, at time s, to b, at time t, goes
 straight from a - v·s to b - v·t, and turns as before. So a motion is certified against each obstacle as it is against
-one that stands: for discs by the distance of a point from a segment, for other shapes by conservative advancement
-(:func:`trailmark.verify.advance.may_meet`). Nothing is sampled. Between two moments nothing gets into or out of an
-obstacle without crossing its outline: whether one is inside the other is looked at for a path's first state alone.
+one that stands, by conservative advancement (:mod:`trailmark.verify.advance`). Nothing is sampled. Between two moments
+nothing gets into or out of an obstacle without crossing its outline: whether one is inside the other is looked at for a
+path's first state alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
-from math import atan2, cos, fabs, hypot, sin
+from math import atan2, cos, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +26,6 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision.footprint import Footprint
-from trailmark.compiled import njit
-from trailmark.heading import turn
 from trailmark.moving import Moving
 from trailmark.path import Path
 from trailmark.planning.followed import Rest, rest_of, vertices_of
@@ -36,7 +34,7 @@ from trailmark.planning.replanning import Replanner, as_replan
 from trailmark.planning.result import ReplanResult
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
-from trailmark.verify.advance import may_meet
+from trailmark.verify.advance import Close, Way, meetings
 
 __all__ = ["MovingObstacles", "SpaceTimeReplanner", "motions_clear", "path_clear", "state_clear"]
 
@@ -54,9 +52,6 @@ NEIGHBOURS = 3
 
 ROUNDING = 1e-9
 """Metres: what comes closer does not count as clear."""
-
-BUDGET = 2_000
-"""Intervals of one motion that are looked at for one obstacle at most; a motion that needs more is not certified."""
 
 
 class SpaceTimeReplanner:
@@ -169,7 +164,7 @@ class SpaceTimeReplanner:
             if len(free):
                 bend = low + int(free[-1])
                 rest = np.vstack([here, route[bend:]])
-                if first_meeting(moving, rest, time + np.cumsum(motion.costs(rest[:-1], rest[1:])) / speed, time) < 0:
+                if _first_meeting(moving, rest, time + np.cumsum(motion.costs(rest[:-1], rest[1:])) / speed, time) < 0:
                     return True, np.vstack([_steps(nodes, k), rest[1:]])
             target = route[bend]
             rank = min(time, horizon) - 1e-6 * (float(motion.costs(here, target)[0]) + to_go[bend])
@@ -226,7 +221,7 @@ def _steps(nodes: list[_Node], k: int) -> FloatArray:
 
 
 class MovingObstacles(NamedTuple):
-    """Moving obstacles and the robot that is to stay clear of them, as compiled code takes them. Metres and seconds.
+    """Moving obstacles and the robot that is to stay clear of them. Metres and seconds.
 
     Attributes:
         edges: (e, 5) where the obstacles are at time 0: both ends of an edge, and by how much it is thickened. A disc
@@ -295,119 +290,60 @@ def path_clear(moving: MovingObstacles, states: FloatArray, speed: float) -> int
         states: of the path, shape (n, 3), headings in [-pi, pi].
         speed: metres of cost (:attr:`trailmark.Path.cost`) per second.
     """
-    if not state_clear(moving, np.array(states[0])):
+    if not state_clear(moving, states[0]):
         return 0
-    return first_meeting(moving, states, np.cumsum(se2.distance(states[:-1], states[1:])) / speed)
+    return _first_meeting(moving, states, np.cumsum(se2.distance(states[:-1], states[1:])) / speed)
 
 
-def first_meeting(moving: MovingObstacles, states: FloatArray, times: FloatArray, begin: float = 0.0) -> int:
+def _first_meeting(moving: MovingObstacles, states: FloatArray, times: FloatArray, begin: float = 0.0) -> int:
     """Return the first motion of states (n, 3), each at its end at a time (n - 1,), that is not clear; -1 for none."""
-    a, b = np.array(states[:-1]), np.array(states[1:])
-    met = np.flatnonzero(~motions_clear(moving, a, np.append(begin, times[:-1]), b, times))
-    return int(met[0]) if len(met) else -1
+    clear = motions_clear(moving, states[:-1], np.append(begin, times)[:-1], states[1:], times)
+    return -1 if clear.all() else int(np.argmin(clear))
 
 
-@njit(cache=True, nogil=True)
 def motions_clear(
     moving: MovingObstacles, a: FloatArray, begin: FloatArray, b: FloatArray, end: FloatArray
 ) -> NDArray[np.bool_]:
     """Return on which straight motions from a (n, 3) at times (n,) to b the robot meets no outline, shape (n,)."""
-    found = np.empty(len(a), np.bool_)
-    for i in range(len(a)):
-        found[i] = _motion_clear(moving, a[i], begin[i], b[i], end[i])
-    return found
+    spans, velocities = end - begin, moving.velocities[:, None]
+    # For each obstacle and motion: the part of it that is foreseen, as the obstacle sees it.
+    share = np.clip((moving.until[:, None] - begin) / np.where(spans > 0.0, spans, 1.0), 0.0, 1.0)
+    starts = a[:, :2] - begin[:, None] * velocities
+    delta = se2.difference(a, b)
+    moves = share[..., None] * (delta[:, :2] - spans[:, None] * velocities)
+    off, square = starts - moving.circles[:, None, :2], (moves**2).sum(axis=-1)
+    t = np.clip(-(off * moves).sum(axis=-1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    near = np.hypot(*np.moveaxis(off + t[..., None] * moves, -1, 0)) < moving.circles[:, 2:] + moving.reach + ROUNDING
+    which, motion = np.nonzero(near & (begin < moving.until[:, None]))
+    clear = np.ones(len(a), np.bool_)
+    if len(which):
+        turns = share[which, motion] * delta[motion, 2]
+        way = Way(
+            np.column_stack([starts[which, motion], a[motion, 2]]),
+            np.column_stack([moves[which, motion], turns]),
+            np.zeros(len(which)),
+        )
+        count = np.arange(len(moving.until) + 1)
+        close = Close(which, count, count[:-1], moving.first, moving.edges)
+        met = meetings(moving.body, moving.radius + ROUNDING, way, close, np.inf, 1 << 62)
+        clear[motion[met[:, 0].astype(np.int64)]] = False
+    return clear
 
 
-@njit(cache=True)
-def _motion_clear(moving: MovingObstacles, a: FloatArray, begin: float, b: FloatArray, end: float) -> bool:
-    for k in range(len(moving.until)):
-        if begin >= moving.until[k]:
-            continue
-        share = 1.0 if end <= moving.until[k] else (moving.until[k] - begin) / (end - begin)
-        vx, vy = moving.velocities[k]
-        cx, cy, r = moving.circles[k]
-        span = share * (end - begin)
-        x, y = a[0] - cx - begin * vx, a[1] - cy - begin * vy
-        dx, dy = share * (b[0] - a[0]) - span * vx, share * (b[1] - a[1]) - span * vy
-        square = dx * dx + dy * dy
-        t = min(1.0, max(0.0, -(x * dx + y * dy) / square)) if square > 0.0 else 0.0
-        if hypot(x + t * dx, y + t * dy) >= r + moving.reach + ROUNDING:
-            continue
-        first, last = moving.first[k], moving.first[k + 1]
-        if len(moving.body) == 1 and last - first == 1:
-            return False
-        edges = moving.edges[first:last]
-        if not _clear_of(moving, edges, x + cx, y + cy, a[2], dx, dy, share * turn(a[2], b[2])):
-            return False
-    return True
-
-
-@njit(cache=True, nogil=True)
 def state_clear(moving: MovingObstacles, q: FloatArray) -> bool:
     """Return whether the robot overlaps no obstacle in a configuration, shape (3,), at time 0."""
-    if not _motion_clear(moving, q, 0.0, q, 0.0):
+    if not motions_clear(moving, q[None], np.zeros(1), q[None], np.zeros(1)).all():
         return False
     c, s = cos(q[2]), sin(q[2])
-    px = q[0] + c * moving.body[0, 0] - s * moving.body[0, 1]
-    py = q[1] + s * moving.body[0, 0] + c * moving.body[0, 1]
-    for k in range(len(moving.until)):
-        edges = moving.edges[moving.first[k] : moving.first[k + 1]]
-        dx, dy = edges[0, 0] - q[0], edges[0, 1] - q[1]
-        if _encloses(edges, px, py) or _encloses(moving.body, c * dx + s * dy, c * dy - s * dx):
+    x, y = se2.transform(q, moving.body[:1, :2])[0]
+    for edges in np.split(moving.edges, moving.first[1:-1]):
+        dx, dy = edges[0, :2] - q[:2]
+        if _encloses(edges, x, y) or _encloses(moving.body, c * dx + s * dy, c * dy - s * dx):
             return False
     return True
 
 
-@njit(cache=True)
 def _encloses(edges: FloatArray, x: float, y: float) -> bool:
     """Return whether a point lies inside closed rings of edges (even-odd rule)."""
-    inside = False
-    for k in range(len(edges)):
-        x1, y1, x2, y2 = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
-        if (y1 > y) != (y2 > y) and x < x1 + (y - y1) / (y2 - y1) * (x2 - x1):
-            inside = not inside
-    return inside
-
-
-@njit(cache=True)
-def _clear_of(
-    moving: MovingObstacles,
-    edges: FloatArray,
-    x: float,
-    y: float,
-    theta: float,
-    dx: float,
-    dy: float,
-    dtheta: float,
-) -> bool:
-    """Return whether the robot meets no edge on a straight motion from (x, y, theta) by (dx, dy, dtheta)."""
-    body, low, high, depth = moving.body, np.empty(64), np.empty(64), 1
-    placed = np.empty_like(body)
-    low[0], high[0] = 0.0, 1.0
-    for _ in range(BUDGET):
-        if depth == 0:
-            return True
-        depth -= 1
-        begin, end = low[depth], high[depth]
-        half, middle = 0.5 * (end - begin), 0.5 * (begin + end)
-        mx, my, heading = x + middle * dx, y + middle * dy, theta + middle * dtheta
-        c, s = cos(heading), sin(heading)
-        for k in range(len(body)):
-            placed[k, 0], placed[k, 1] = c * body[k, 0] - s * body[k, 1], s * body[k, 0] + c * body[k, 1]
-            placed[k, 2], placed[k, 3] = c * body[k, 2] - s * body[k, 3], s * body[k, 2] + c * body[k, 3]
-        meets = False
-        for k in range(len(edges)):
-            x1, y1, x2, y2, thickness = edges[k]
-            gap = thickness + moving.radius + ROUNDING
-            vx, vy, turned = half * dx, half * dy, half * dtheta
-            if may_meet(placed, x1 - mx, y1 - my, x2 - mx, y2 - my, gap, vx, vy, turned, 0.0):
-                meets = True
-                break
-        if not meets:
-            continue
-        if half * (hypot(dx, dy) + moving.reach * fabs(dtheta)) < ROUNDING or depth + 2 > len(low):
-            return False
-        low[depth], high[depth] = middle, end
-        low[depth + 1], high[depth + 1] = begin, middle
-        depth += 2
-    return False
+    x1, y1, x2, y2 = edges[(edges[:, 1] > y) != (edges[:, 3] > y), :4].T
+    return bool((x < x1 + (y - y1) / (y2 - y1) * (x2 - x1)).sum() % 2)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import atan2, ceil, cos, floor, hypot, inf, pi, sin, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,7 +210,7 @@ class Corners(NamedTuple):
         side: (rows + 1, columns + 1) which of the four cells at a vertex is the only one blocked: 0 lower left, 1 lower
             right, 2 upper left, 3 upper right; -1 where the vertex is no corner.
         following: (rows + 1, columns + 1) column of the first corner in the row from each vertex on.
-        count: of corners.
+        total: number of corners.
     """
 
     blocked: NDArray[np.bool_]
@@ -218,7 +218,7 @@ class Corners(NamedTuple):
     left: Int32Array
     side: NDArray[np.int8]
     following: Int32Array
-    count: int
+    total: int
 
 
 @njit(cache=True, nogil=True)
@@ -516,7 +516,7 @@ TO_GOAL = -2
 @njit(cache=True, nogil=True)
 def _search(
     task: _Task, labels: Labels, begun: bool, limit: float, most: int
-) -> tuple[bool, int, float, int, tuple[NDArray[np.generic], ...]]:
+) -> tuple[bool, int, float, int, tuple[Any, ...]]:
     """Go on with a search until ``most`` labels have been expanded.
 
     Returns:
@@ -525,7 +525,7 @@ def _search(
     """
     grid, goal, expanded, ended, end, key = task.grid, task.goal, 0, False, -1, inf
     # What is not written to takes no memory, but addresses. A corner is seen in four quadrants, or two, at most once.
-    found = np.empty((4 * grid.count + 4, 2), np.int32)
+    found = np.empty((4 * grid.total + 4, 2), np.int32)
     stack = np.empty((grid.blocked.size // 2 + grid.blocked.shape[0] + 2, 3))
     if not begun:
         count = 0
@@ -565,19 +565,7 @@ def _search(
             add_label(labels, entry_of(labels, TO_GOAL), TO_GOAL, label, further, further)
     if end < 0:
         key = labels.keys[0] if labels.counts[WAITING] > 0 else inf
-    arrays = (
-        labels.node,
-        labels.parent,
-        labels.cost,
-        labels.closed,
-        labels.q,
-        labels.more,
-        labels.table,
-        labels.keys,
-        labels.values,
-        labels.counts,
-    )
-    return ended, end, key, expanded, arrays
+    return ended, end, key, expanded, labels[:]
 
 
 @njit(cache=True)

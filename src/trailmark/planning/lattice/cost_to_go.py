@@ -10,8 +10,8 @@ side of an obstacle. Within a corridor about the cheapest way by the fast marchi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from math import ceil, floor, inf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +37,7 @@ MAX_RATIO = 1000.0
 NO_CELLS = np.empty((0, 0), np.float32)
 
 
-@dataclass(frozen=True)
-class CostToGo:
+class CostToGo(NamedTuple):
     """What is left to a configuration, as far as a grid of cells knows.
 
     Attributes:
@@ -54,7 +53,7 @@ class CostToGo:
     x0: float = 0.0
     y0: float = 0.0
     size: float = 1.0
-    density: NDArray[np.float32] = field(default_factory=lambda: NO_CELLS)
+    density: NDArray[np.float32] = NO_CELLS
     least: float = 1.0
 
     @classmethod
@@ -97,7 +96,9 @@ class CostToGo:
             # The goal's own cell is open in any case.
             dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness))
         cost = flood(dear, (row + 1) * (columns + 2) + column + 1, -1, 1)[0][1:-1, 1:-1]
-        return cls(np.ascontiguousarray(cost * np.float32(size * least)), xmin, ymin, size, weights, least)
+        return cls(
+            np.ascontiguousarray(cost * np.float32(size * least)), float(xmin), float(ymin), size, weights, float(least)
+        )
 
     def at(self, x: float, y: float) -> float:
         """Return the cost (metres) of the cell of a place; infinite beyond the grid."""

@@ -120,9 +120,7 @@ class Lattice:
             kind, anchor = plain.kind, plain.turned(start, self.headings)
         if weighted is not None:
             kind, rotation = weighted.kind._replace(motion=kind), weighted.density.rotation
-        grid = to_go.cost, to_go.density, to_go.x0, to_go.y0, to_go.size
-        x, y = self.checker.disc_center(goal)
-        guide = _Guide(*grid, x, y, float(weight), float(limit), to_go.least, rotation)
+        guide = _Guide(to_go, *self.checker.disc_center(goal), float(weight), float(limit), rotation)
         nodes, origin = _nodes_around(self.checker, anchor, self.size, self.headings)
         found, expanded = _search(
             kind,
@@ -202,52 +200,42 @@ def _length(nodes: _Nodes, move: int) -> float:
 
 
 class _Guide(NamedTuple):
-    """Costs to go, as compiled functions take them.
+    """Costs to go, and how they are used.
 
     Attributes:
-        cost: (rows, columns), metres; empty: the straight distance counts.
-        density: what a metre costs in each cell, (rows, columns); empty: its length.
-        x0: left edge of the cells, metres.
-        y0: lower edge of the cells, metres.
-        size: edge of a cell, metres.
+        to_go: on a grid.
         x: of the goal's position, metres.
         y: of the goal's position, metres.
         weight: of the cost to go.
         limit: metres; no path over a node is of interest whose cost and straight distance to the goal exceed it.
-        least: what a metre costs at least.
         rotation: what a radian costs.
     """
 
-    cost: NDArray[np.float32]
-    density: NDArray[np.float32]
-    x0: float
-    y0: float
-    size: float
+    to_go: CostToGo
     x: float
     y: float
     weight: float
     limit: float
-    least: float
     rotation: float
 
 
 @njit(cache=True)
 def _cost_to_go(nodes: _Nodes, node: int, guide: _Guide, cost: float) -> float:
     """Return the cost to go from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
-    x, y = _position(nodes, node)
-    if len(guide.cost) == 0 or guide.limit < np.inf:
-        straight = guide.least * hypot(guide.x - x, guide.y - y)
+    (x, y), to_go = _position(nodes, node), guide.to_go
+    if len(to_go.cost) == 0 or guide.limit < np.inf:
+        straight = to_go.least * hypot(guide.x - x, guide.y - y)
         if cost + straight > guide.limit:
             return np.inf
-        if len(guide.cost) == 0:
+        if len(to_go.cost) == 0:
             return straight
-    return _in_cell(guide, guide.cost, x, y, np.inf)
+    return _in_cell(to_go, to_go.cost, x, y, np.inf)
 
 
 @njit(cache=True)
-def _in_cell(guide: _Guide, cells: NDArray[np.float32], x: float, y: float, beyond: float) -> float:
+def _in_cell(to_go: CostToGo, cells: NDArray[np.float32], x: float, y: float, beyond: float) -> float:
     """Return what the cell of a place holds, ``beyond`` out of all cells: they may cover less than the lattice."""
-    i, j = floor((y - guide.y0) / guide.size), floor((x - guide.x0) / guide.size)
+    i, j = floor((y - to_go.y0) / to_go.size), floor((x - to_go.x0) / to_go.size)
     return float(cells[i, j]) if 0 <= i < cells.shape[0] and 0 <= j < cells.shape[1] else beyond
 
 
@@ -256,12 +244,15 @@ def _cost_of_move(nodes: _Nodes, node: int, other: int, move: int, guide: _Guide
     """Return what a move from a node to another costs: a metre what it costs on the mean at its ends."""
     if move >= TURNS:
         return guide.rotation * 2.0 * pi / len(nodes.turned)
-    if len(guide.density) == 0:
+    if len(guide.to_go.density) == 0:
         return _length(nodes, move)
+    return 0.5 * (_density(nodes, node, guide.to_go) + _density(nodes, other, guide.to_go)) * _length(nodes, move)
+
+
+@njit(cache=True)
+def _density(nodes: _Nodes, node: int, to_go: CostToGo) -> float:
     x, y = _position(nodes, node)
-    u, v = _position(nodes, other)
-    densities = _in_cell(guide, guide.density, x, y, guide.least) + _in_cell(guide, guide.density, u, v, guide.least)
-    return 0.5 * densities * _length(nodes, move)
+    return _in_cell(to_go, to_go.density, x, y, to_go.least)
 
 
 @njit(cache=True)
@@ -322,7 +313,10 @@ def _search(
         if (
             (expanded % GOAL_EVERY == 0 or _near_goal(nodes, node, guide, q, goal))
             # Where places differ in cost, a straight way through what is dear is no use.
-            and (len(guide.density) == 0 or cost_between(kind, scratch, q, goal) <= ABOUT * left + guide.rotation * pi)
+            and (
+                len(guide.to_go.density) == 0
+                or cost_between(kind, scratch, q, goal) <= ABOUT * left + guide.rotation * pi
+            )
             and certified(kind, scratch, q, goal, BUDGET)
         ):
             return _path_over(labels, label, start, goal), expanded
