@@ -13,7 +13,7 @@ from trailmark.collision.footprint import build_footprint
 from trailmark.errors import ConfigurationError
 from trailmark.moving import Moving
 from trailmark.planning.result import ReplanResult
-from trailmark.planning.space_time.obstacles import MovingObstacles, motion_clear, path_clear, state_clear
+from trailmark.planning.space_time import MovingObstacles, motions_clear, path_clear, state_clear
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon, Shape
 
@@ -54,6 +54,10 @@ def placed(shape: Shape, q: FloatArray) -> FloatArray:
     x, y = np.array([shape.center] if isinstance(shape, Disc) else shape.polygon().vertices).T
     points = np.stack([q[:, :1] + c * x - s * y, q[:, 1:2] + s * x + c * y], axis=-1)
     return np.asarray(shapely.points(points[:, 0]) if isinstance(shape, Disc) else shapely.polygons(points))
+
+
+def motion_clear(obstacles: MovingObstacles, a: FloatArray, begin: float, b: FloatArray, end: float) -> bool:
+    return bool(motions_clear(obstacles, a[None], np.array([begin]), b[None], np.array([end]))[0])
 
 
 def random_moving(rng: np.random.Generator, fastest: float = 4.0) -> Moving:

@@ -68,7 +68,7 @@ class Band:
         self.shortest = float(relaxation.cost_at(to_goal, self.start))
         if not np.isfinite(self.shortest):
             return
-        self.from_start = from_start = relaxation.costs_from(self.start, limit=to_goal.limit, remaining=to_goal)
+        self.from_start = from_start = relaxation.costs_from(self.start)
         total = from_start.cost.ravel() + to_goal.cost.ravel()
         self._cells = (
             np.flatnonzero(total <= to_goal.limit) if np.isfinite(to_goal.limit) else np.flatnonzero(np.isfinite(total))

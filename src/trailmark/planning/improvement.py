@@ -6,8 +6,7 @@ import numpy as np
 
 from trailmark.curves import CurvePath
 from trailmark.landmarks.band import Band
-from trailmark.planning.drive_tree import Targets
-from trailmark.planning.hybrid_astar import drive_to
+from trailmark.planning.hybrid_astar import Targets, drive_to
 from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.placement import Placement
 from trailmark.planning.query import Query

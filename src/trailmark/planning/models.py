@@ -14,7 +14,7 @@ from trailmark.collision import StateChecker
 from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.objective import Objective
-from trailmark.planning.space_time.obstacles import MovingObstacles
+from trailmark.planning.space_time import MovingObstacles
 from trailmark.planning.updating import Update
 from trailmark.planning.world_model import WorldModel
 from trailmark.world import Robot, World, with_keep_outs

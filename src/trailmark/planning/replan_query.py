@@ -22,7 +22,7 @@ from trailmark.planning.reasons import explained
 from trailmark.planning.replanning import MIN_SECONDS, Replanner, ReplanOptions, as_replan
 from trailmark.planning.result import ReplanResult, Status
 from trailmark.planning.single_query import answer_query
-from trailmark.planning.space_time.replanning import SpaceTimeReplanner
+from trailmark.planning.space_time import SpaceTimeReplanner
 from trailmark.planning.world_model import WorldModel, zones_at
 from trailmark.se2 import FloatArray
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trailmark.motion import TranslationMotion
-from trailmark.planning.grids.grid_tangents import GridTangents
-from trailmark.planning.grids.search import TangentSearch
+from trailmark.planning.grids.grid_tangents import GridTangents, TangentSearch
 from trailmark.planning.query import Query
 
 __all__ = ["shortest_grid_path"]
