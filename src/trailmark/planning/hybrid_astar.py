@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.clock import Deadline, now
 from trailmark.curves.shortest import curve_states
-from trailmark.landmarks.kmeans import lloyd
 from trailmark.landmarks.relaxation import CostMap, Relaxation
+from trailmark.landmarks.sampling import lloyd
 from trailmark.motion import Motion, WeightedMotion
 from trailmark.motion.curve import Curve
 from trailmark.motion.one_way import OneWays, one_ways
