@@ -26,7 +26,7 @@ Judge = Callable[..., float]
 
 WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
 
-ROADMAP = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/adjacency.py", "nearest.py")
+ROADMAP = ("roadmap/roadmap.py", "roadmap/search.py")
 PLANNING = (
     "planning/planner.py",
     "planning/single_query.py",

@@ -44,12 +44,9 @@ LIVES = {
 
 FILES = (
     "roadmap/roadmap.py",
-    "roadmap/store.py",
-    "roadmap/adjacency.py",
+    "roadmap/search.py",
     "roadmap/snapshot.py",
-    "roadmap/spanner.py",
     "roadmap/files.py",
-    "nearest.py",
     "planning/planner.py",
     "planning/single_query.py",
     "planning/solve.py",

@@ -38,6 +38,7 @@ SILENT = {"MPLBACKEND": "Agg", "OMP_NUM_THREADS": "1"}
 IMPORTED = (
     "filterpy.kalman",
     "gtsam",
+    "networkx",
     "ompl.geometric",
     "ompl.util",
     "scipy.stats",
@@ -52,7 +53,6 @@ IMPORTED = (
     "trailmark.formats.schema",
     "trailmark.ompl_bridge",
     "trailmark.plotting",
-    "trailmark.roadmap.graph",
     "trailmark.trajectories",
 )
 """What the children need sooner or later."""

@@ -15,8 +15,8 @@ from trailmark.exploration.frontiers import Frontiers
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.reachability import CERTAIN, NOWHERE
 from trailmark.exploration.views import places_in_sight, sight
-from trailmark.landmarks.kmeans import k_means_landmarks
-from trailmark.landmarks.sensor_range import landmarks_for_area
+from trailmark.landmarks import k_means_landmarks
+from trailmark.landmarks.executions import landmarks_for_area
 from trailmark.se2 import FloatArray
 
 __all__ = ["MOST_TRIES", "NO_ROOM", "Candidates", "Search", "middles_of"]

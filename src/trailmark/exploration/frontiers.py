@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trailmark.compiled import njit
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
-from trailmark.landmarks.kmeans import lloyd
+from trailmark.landmarks.sampling import lloyd
 from trailmark.se2 import FloatArray
 
 __all__ = ["Frontiers", "frontiers_of"]

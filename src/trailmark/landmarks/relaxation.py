@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.landmarks.grid_search import CLOSED, STEP_X, STEP_Y, UNIT, cell_clearances, flood
+from trailmark.se2 import FloatArray
 
 __all__ = ["CostMap", "Relaxation"]
-
-FloatArray = NDArray[np.float64]
 
 MAX_CELLS, FINEST_CELLS = 1 << 16, 1 << 20
 """Maximum number of cells at first, and of cells that may be halved once more."""
@@ -127,11 +126,8 @@ class Relaxation:
 
     def references(self, centers: FloatArray, headings: FloatArray) -> FloatArray:
         """Return the configurations (n, 3) that put the disc's centre at ``centers`` (n, 2) with ``headings`` (n,)."""
-        cos, sin = np.cos(headings), np.sin(headings)
-        cx, cy = self.center
-        x = centers[:, 0] - cos * cx + sin * cy
-        y = centers[:, 1] - sin * cx - cos * cy
-        return np.column_stack([x, y, headings])
+        turned = np.column_stack([np.zeros((len(centers), 2)), headings])
+        return np.column_stack([centers - self.disc_centers(turned), headings])
 
     def cells(self, points: FloatArray) -> NDArray[np.int64]:
         """Return the cells (row * columns + column) of points (..., 2), clipped to the grid; shape (...)."""

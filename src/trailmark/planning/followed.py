@@ -13,7 +13,7 @@ from trailmark.curves import CurvePath
 from trailmark.motion import Motion
 from trailmark.path import Path
 from trailmark.planning.updating import Boxes
-from trailmark.roadmap.search import edges_near, few_boxes
+from trailmark.roadmap.revalidation import edges_near, few_boxes
 from trailmark.se2 import FloatArray
 
 __all__ = ["Passed", "Rest", "located", "rest_of", "vertices_of"]

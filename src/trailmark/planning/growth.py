@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
-from trailmark.landmarks.kmeans import farthest_samples
+from trailmark.landmarks.sampling import farthest_samples
 from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
@@ -137,7 +137,7 @@ def spread_landmarks(
     """Add landmarks spread evenly over all free space: K-means centres of a Halton sequence's valid samples.
 
     They are placed in parts, each as large as all before and clustered from the samples that lie farthest from those
-    (:func:`~trailmark.landmarks.kmeans.farthest_samples`). Fewer than asked for come back where some centres share
+    (:func:`~trailmark.landmarks.sampling.farthest_samples`). Fewer than asked for come back where some centres share
     their nearest sample.
 
     Args:

@@ -24,13 +24,12 @@ from trailmark.compiled import njit
 from trailmark.curves.shortest import all_words, curve_states
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
 from trailmark.heap import COUNT, WAITING, add_label, entry_of, new_labels, next_label, with_room
-from trailmark.landmarks.kmeans import lloyd
 from trailmark.landmarks.relaxation import CostMap, Relaxation
+from trailmark.landmarks.sampling import lloyd
 from trailmark.motion import Motion, WeightedMotion
 from trailmark.motion.base import Scratch, new_scratch
 from trailmark.motion.curve import Curve, word_extra
 from trailmark.motion.one_way import OneWays, curve_allowed, one_ways
-from trailmark.nearest import nearest_to
 from trailmark.se2 import FloatArray
 
 __all__ = ["Reached", "Targets", "drive_to", "hybrid_astar"]
@@ -110,6 +109,8 @@ def hybrid_astar(
         rng: source of randomness.
         seconds: that the drives may take.
     """
+    from scipy.spatial import cKDTree
+
     deadline, m = Deadline.after(seconds), len(sources)
     while True:
         options = step, 0.5 * step, NO_TARGETS, np.inf, most, deadline
@@ -122,7 +123,7 @@ def hybrid_astar(
         return Reached(np.empty((0, 3)), np.empty(0, np.int64))
     points = se2.embed(tree.q[m:], tree.radius)
     first = points[rng.choice(len(points), min(landmarks, len(points)), replace=False)]
-    chosen = m + np.unique(nearest_to(lloyd(points, first, 2), points))
+    chosen = m + np.unique(cKDTree(points).query(lloyd(points, first, 2))[1])
     return _joined(tree, np.unique(np.append(chosen, m + np.argmin(tree.drives[m:, TO_GO]))), m)
 
 

@@ -9,10 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.landmarks import k_means_landmarks
+from trailmark.landmarks import k_means_landmarks, repair_centres
 from trailmark.landmarks.band import Band
 from trailmark.landmarks.paper import algorithm_2
-from trailmark.landmarks.repair import repair_centres
 from trailmark.path import Path
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.query import Query

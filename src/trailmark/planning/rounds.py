@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.landmarks.band import Band
-from trailmark.nearest import nearest_to
 from trailmark.planning.hybrid_astar import hybrid_astar
 from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.placement import Placement
@@ -193,8 +192,10 @@ class Bridge:
 
     def _closest(self, ahead: se2.FloatArray, behind: se2.FloatArray) -> tuple[int, int, float]:
         """Return the indices of the closest pair of two sets of configurations, and their distance (metres)."""
+        from scipy.spatial import cKDTree
+
         one, other = (se2.embed(q, self.roadmap.motion.radius) for q in (ahead, behind))
-        pairs = nearest_to(one, other)
+        pairs = cKDTree(other).query(one)[1]
         gaps = np.linalg.norm(one - other[pairs], axis=1)
         near = int(np.argmin(gaps))
         return near, int(pairs[near]), float(gaps[near])
