@@ -103,6 +103,7 @@ def test_a_bound_above_a_known_cost_is_reported_and_dropped(
 ) -> None:
     robot, cost = honest
     monkeypatch.setattr(LowerBound, "of", lambda *_, **__: Bound(bound, np.empty((0, 2))))
+    monkeypatch.setattr(LowerBound, "ready", True)
     with pytest.warns(InternalErrorWarning, match="lower bound"):
         result = LandmarkPlanner(WALL, robot, seed=0).plan(ENDS[0], ENDS[1], 20.0, max_iterations=3)
     assert result.status == "solved"
