@@ -201,7 +201,7 @@ def _clear_of(
             x1, y1, x2, y2, thickness = edges[k]
             gap = thickness + moving.radius + ROUNDING
             vx, vy, turned = half * dx, half * dy, half * dtheta
-            if may_meet(placed, x1 - mx, y1 - my, x2 - mx, y2 - my, gap, vx, vy, turned, 0.0):
+            if may_meet(placed, (x1 - mx, y1 - my, x2 - mx, y2 - my), gap, (vx, vy, turned, 0.0)):
                 meets = True
                 break
         if not meets:
