@@ -185,7 +185,6 @@ UPDATING = (
     "changes.py",
     "planning/models.py",
     "planning/world_model.py",
-    "verify/edges.py",
     "verify/verifier.py",
     "planning/verification.py",
     "planning/followed.py",

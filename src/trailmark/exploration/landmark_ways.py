@@ -16,7 +16,7 @@ from trailmark.exploration.reachability import CERTAIN, NOWHERE, excluded_with
 from trailmark.exploration.survey import EXCLUDED, Memory, Survey
 from trailmark.goals import Goal
 from trailmark.planning.planner import LandmarkPlanner
-from trailmark.planning.proofs.shut_off import shut_off
+from trailmark.planning.proofs.enclosure import shut_off
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.warmup import warm_up
 from trailmark.se2 import FloatArray

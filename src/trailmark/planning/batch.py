@@ -16,7 +16,7 @@ from trailmark.collision.certify import BUDGET
 from trailmark.errors import ConfigurationError
 from trailmark.goals import Ends, Goal, goals_of
 from trailmark.planning.incumbent import Incumbent
-from trailmark.planning.proofs import AnyBound
+from trailmark.planning.proofs import LowerBound
 from trailmark.planning.result import PlanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shortening import shorten, without_needless
@@ -43,7 +43,9 @@ class BatchSolver:
         seed: of the shortening.
     """
 
-    def __init__(self, snapshot: RoadmapSnapshot, bound: AnyBound | None, settings: PlannerSettings, seed: int) -> None:
+    def __init__(
+        self, snapshot: RoadmapSnapshot, bound: LowerBound | None, settings: PlannerSettings, seed: int
+    ) -> None:
         self.snapshot, self.checker, self.motion = snapshot, snapshot.checker, snapshot.motion
         self.bound, self.settings, self.seed = bound, settings, seed
 
@@ -80,8 +82,8 @@ class BatchSolver:
         best = shortened(first if shortest is None else shortest, settings.first_batch_sweeps)
         answer.offer(best)
         left = seconds_left()
-        if self.bound is not None and self.bound.seconds(start, goal, answer.whole_cost) < left:
-            answer.claim(self.bound.of(start, goal, answer.whole_cost, 0.5 * left, left).cost)
+        if self.bound is not None:
+            answer.claim(self.bound.of(start, goal, answer.whole_cost, lambda: seconds_left() < 0.5 * left).cost)
         other, closed = best, np.empty((0, 3))
         for _ in range(settings.other_paths):
             if answer.whole_cost <= (1.0 + settings.close_to_optimal) * answer.lower_bound or seconds_left() < 0.0:

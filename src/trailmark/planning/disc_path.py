@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from time import perf_counter
-
 import numpy as np
 import shapely
 
 from trailmark.motion import TranslationMotion
-from trailmark.planning.proofs.bound import CUTTING, SLOWER, region_work
-from trailmark.planning.proofs.mesh import triangulated
-from trailmark.planning.proofs.polyanya import shortest_point_path
-from trailmark.planning.proofs.prover import Prover
-from trailmark.planning.proofs.region import ellipse, free_region
+from trailmark.planning.proofs.mesh import shortest_point_path, triangulated
+from trailmark.planning.proofs.prover import Prover, in_time
+from trailmark.planning.proofs.region import Stop, ellipse, free_region
 from trailmark.planning.query import Query
 from trailmark.se2 import FloatArray
 from trailmark.world import World
 
 __all__ = ["disc_path", "shortest_disc_path"]
+
+TIME = 0.5
+"""Share of the time left that it may take."""
 
 SPARE = 3e-3
 """Share of its radius by which the disc is made larger: a motion along contact itself would take forever to certify."""
@@ -31,12 +29,12 @@ def shortest_disc_path(query: Query, proofs: Prover) -> bool:
         return False
     if not query.settings.uses("disc-path"):
         return False
-    # Its region takes longer to make than the bound's, which has fewer corners.
-    if 1.2 * proofs.seconds() > query.seconds_left():
-        return False
     query.report("cutting free space into triangles")
     radius, (start, goal) = query.checker.robot.inscribed_disc.radius, query.ends[:, :2]
-    bends = disc_path(query.checker.world, radius, start, goal, incumbent.cost, query.seconds_left)
+    world, most = query.checker.world, incumbent.cost
+    bends = in_time(TIME * query.seconds_left(), lambda stop: disc_path(world, radius, start, goal, most, stop))
+    if bends is None:
+        return False
     states = np.column_stack([bends, np.zeros(len(bends))])
     if len(bends) == 0 or not query.motion.motions_between_valid(states[:-1], states[1:]).all():
         return False
@@ -51,7 +49,7 @@ def disc_path(
     start: FloatArray,
     goal: FloatArray,
     most: float,
-    seconds_left: Callable[[], float] = lambda: np.inf,
+    stop: Stop | None = None,
 ) -> FloatArray:
     """Return the bends of a disc's shortest path, shape (k, 2), metres; (0, 2) if none is found.
 
@@ -66,18 +64,15 @@ def disc_path(
         start: its centre, shape (2,).
         goal: its centre, shape (2,).
         most: metres; longer ways are of no interest. The fewer obstacles lie near them, the sooner it is done.
-        seconds_left: until when it is to be done, or none is found; asked for what may take long, too.
+        stop: asked now and then whether to stop, and find none.
     """
-    by = perf_counter() + seconds_left()
     within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
     try:
-        region = free_region(world, (1.0 + SPARE) * radius, within, inner=True, by=by)
+        region = free_region(world, (1.0 + SPARE) * radius, within, inner=True, stop=stop)
     except (shapely.errors.GEOSException, TimeoutError):
         return np.empty((0, 2))
     for part in shapely.get_parts(region):
         if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
-            if SLOWER * CUTTING * region_work(int(shapely.get_num_coordinates(part))) > seconds_left():
-                break
             mesh = triangulated(part)
             length, path = (np.inf, np.empty((0, 2))) if mesh is None else shortest_point_path(mesh, start, goal)
             return path if np.isfinite(length) else np.empty((0, 2))

@@ -31,7 +31,7 @@ from trailmark.penetration import Penetration, outside_of
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon
 from trailmark.verify import PathAuditor
-from trailmark.verify.depths import RISE
+from trailmark.verify.auditor import RISE
 from trailmark.world import Robot, World, keep_outs
 from trailmark.zones import KeepOutZone
 

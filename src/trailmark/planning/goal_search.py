@@ -24,6 +24,7 @@ from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.schedule import AT_FIRST, LatticeSchedule
 from trailmark.planning.proofs.claims import contradicted
+from trailmark.planning.proofs.prover import in_time
 from trailmark.planning.query import Clock, OnProgress
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.roadmap_lookup import RoadmapLookup
@@ -239,11 +240,10 @@ class GoalSearch:
         if self._proven[i] or bound is None or goal.configuration is None:
             return
         pose, most = np.array(goal.configuration), self.best.cost - goal.cost
-        left = self.clock.seconds_left()
-        seconds = PROOF_SHARE * left
-        if bound.seconds(self.start, pose, most) < seconds:
-            self._proven[i] = True
-            found = bound.of(self.start, pose, most, seconds, left).cost
+        self._proven[i] = True
+        seconds = PROOF_SHARE * self.clock.seconds_left()
+        found = in_time(seconds, lambda stop: bound.of(self.start, pose, most, stop).cost)
+        if found is not None:
             self.best.bounds[i] = max(self.best.bounds[i], found + goal.cost)
 
     def _plan(self, k: int, seconds: float = np.inf, *, known: FloatArray | None = None, gap: float = np.inf) -> None:
@@ -276,9 +276,9 @@ class GoalSearch:
 
     def _is_shut_out(self, i: int) -> bool:
         """Return whether it is proven that a disc inside the robot gets nowhere in a goal."""
-        bound = self.model.bound
-        soon = bound.seconds_for_parts() < PROOF_SHARE * self.clock.seconds_left()
-        return soon and bound.shuts_out(self.start, self.goals[i])
+        bound, goal = self.model.bound, self.goals[i]
+        seconds = PROOF_SHARE * self.clock.seconds_left()
+        return in_time(seconds, lambda stop: bound.shuts_out(self.start, goal, stop)) is True
 
     def _answer(self, end: FloatArray, i: int, seconds: float, known: FloatArray | None, gap: float) -> PlanResult:
         """Return the answer to the query for one configuration, and note how its paths got better."""

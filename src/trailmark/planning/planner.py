@@ -22,7 +22,7 @@ from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.planning.batch import answer_queries, ends_of
 from trailmark.planning.models import WorldModels
-from trailmark.planning.proofs import AnyBound
+from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import OnProgress
 from trailmark.planning.relaxed_clearance import answer_in_turn
 from trailmark.planning.replan_query import ReplanOptions, replan_to
@@ -156,7 +156,7 @@ class LandmarkPlanner:
         return self._model.shared.roadmap
 
     @property
-    def bound(self) -> AnyBound:
+    def bound(self) -> LowerBound:
         """Proves lower bounds; what it computes is kept from query to query."""
         return self._model.bound
 

@@ -34,6 +34,9 @@ MOST_SECONDS = 5.0
 HEADINGS, DRAWN = 8, 40
 """Configurations of a goal that are looked at: so many headings at its nearest position, and so many drawn."""
 
+MOST_CORNERS = 20_000
+"""Of obstacles, up to which it is told where the robot is shut in."""
+
 NAMED = 8
 """Goals that are spoken of one by one."""
 
@@ -98,10 +101,10 @@ def _reasons(
     # Zones that a path may leave close no way.
     zones = zones_at(model.checker, state)
     outside = model.without(zones) if zones else model
-    region = outside.bound.seconds_for_parts()
 
     def over() -> bool:
-        return perf_counter() + region > deadline or (stop is not None and stop())
+        late = perf_counter() > deadline or outside.bound.corners > MOST_CORNERS
+        return late or (stop is not None and stop())
 
     several = () if goals is None else goals
     ends: Sequence[FloatArray | Goal]

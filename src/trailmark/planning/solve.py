@@ -13,7 +13,7 @@ from trailmark.planning.grids.grid_path import shortest_grid_path
 from trailmark.planning.improvement import improve
 from trailmark.planning.lattice.schedule import AT_FIRST, AT_MOST, AT_SECOND, LatticeSchedule
 from trailmark.planning.placement import Placement
-from trailmark.planning.proofs import AnyBound, LowerBound
+from trailmark.planning.proofs import LowerBound
 from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import Query
 from trailmark.planning.result import Status
@@ -25,7 +25,7 @@ from trailmark.se2 import FloatArray
 __all__ = ["answer", "consult_roadmap", "search_closely", "search_lattices", "solve", "time_for_relaxed_problem"]
 
 
-def solve(query: Query, bound: AnyBound | None, known_path: FloatArray | None = None) -> Status:
+def solve(query: Query, bound: LowerBound | None, known_path: FloatArray | None = None) -> Status:
     """Answer a query; its incumbent holds the path and what is proven.
 
     Args:
@@ -54,7 +54,7 @@ def solve(query: Query, bound: AnyBound | None, known_path: FloatArray | None = 
         if not known and lattices is not None:
             # The smallest search of all: in a large grid map a first path comes long before the shortest.
             search_lattices(lattices, 1, query, lookup, proofs)
-        if isinstance(bound, LowerBound) and shortest_grid_path(query, bound.tangents):
+        if bound is not None and shortest_grid_path(query, bound.tangents):
             return answer(query, lookup, needless=False)
         if not query.solved and lattices is not None:
             query.report("looking for a first path")

@@ -266,7 +266,7 @@ def _enclose(kind: Kind, objective: str) -> None:
 def _shut_off(kind: Kind, objective: str) -> None:
     """Prove that a place cannot be reached."""
     from trailmark.collision import StateChecker
-    from trailmark.planning.proofs.shut_off import shut_off
+    from trailmark.planning.proofs.enclosure import shut_off
 
     world, (here, there) = SHUT
     shut_off(StateChecker(world, ROBOTS["straight"]), here, there[:2], np.array([here[:2], there[:2]]))

@@ -17,7 +17,8 @@ from trailmark.landmarks import Relaxation
 from trailmark.motion import motion_of
 from trailmark.objective import Objective
 from trailmark.planning.followed import Passed
-from trailmark.planning.proofs import AnyBound, lower_bound_of
+from trailmark.planning.proofs import LowerBound, lower_bound_of
+from trailmark.planning.proofs.prover import in_time
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shared_roadmap import SharedRoadmap
 from trailmark.planning.updating import Boxes, Update
@@ -70,13 +71,12 @@ class WorldModel:
         self.passed: Passed | None = None
         self._without: tuple[tuple[str, ...], WorldModel] | None = None
         self.verification, self.relaxation = Verification(checker, self.motion, seed), Relaxation(checker)
+        self.bound = lower_bound_of(self.motion)
         if before is None:
             self.shared, self.revalidated = SharedRoadmap(self.motion, rng, settings, landmarks), Update()
-            self.bound = lower_bound_of(self.motion)
         else:
             model, boxes = before
             self.shared, self.revalidated = model.shared.edited(self.motion, boxes)
-            self.bound = lower_bound_of(self.motion, model.bound, boxes.removed)
             self.passed = None if model.passed is None else model.passed.after(boxes)
 
     def edited(self, world: World) -> tuple[WorldModel, Update]:
@@ -142,13 +142,11 @@ class WorldModel:
                     checker.require_valid(states[i], f"{name} {i}")
         return np.stack(rows, axis=1)
 
-    def bound_of_all(self, ends: se2.FloatArray, seconds: float) -> AnyBound | None:
+    def bound_of_all(self, ends: se2.FloatArray, seconds: float) -> LowerBound | None:
         """Return what proves lower bounds, with all computed that queries share; None if that may take too long."""
         with self.shared.lock:
-            if self.bound.seconds(*ends) > PROOF_SHARE * seconds:
-                return None
-            self.bound.of(ends[0], ends[1], seconds=PROOF_SHARE * seconds, left=seconds)
-            return self.bound
+            in_time(PROOF_SHARE * seconds, lambda stop: self.bound.of(ends[0], ends[1], stop=stop))
+            return self.bound if self.bound.ready else None
 
 
 def zones_at(checker: StateChecker, q: ArrayLike) -> tuple[str, ...]:

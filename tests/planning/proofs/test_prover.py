@@ -9,7 +9,8 @@ import pytest
 
 from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs.prover import BackgroundProof
+from trailmark.planning.proofs.enclosure import enclosed
+from trailmark.planning.proofs.prover import Background, in_time
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -34,39 +35,41 @@ def others() -> int:
     return sum(thread.name == "proof of infeasibility" for thread in threading.enumerate())
 
 
+def proof_of(world: World) -> Background[bool]:
+    checker = StateChecker(world)
+    return Background(lambda stop: enclosed(checker, *ENDS, stop=stop), "proof of infeasibility")
+
+
 @pytest.mark.slow
-def test_a_proof_is_found() -> None:
-    proof = BackgroundProof(StateChecker(SHUT), *ENDS, 60.0)
-    proof.begin()
-    proof.wait(60.0)
-    assert proof.found
-    proof.end()
-    assert others() == 0
-
-
-def test_nothing_is_found_where_there_is_a_path() -> None:
+def test_a_proof_is_found_and_none_where_there_is_a_path() -> None:
+    for world, shut in ((SHUT, True), (SLIT, False)):
+        checker = StateChecker(world)
+        assert in_time(60.0, lambda stop, c=checker: enclosed(c, *ENDS, seconds=20.0, stop=stop)) == shut
     assert LandmarkPlanner(SLIT, seed=0).plan(*ENDS, 20.0, gap=np.inf).status == "solved"
-    proof = BackgroundProof(StateChecker(SLIT), *ENDS, 0.3)
-    proof.begin()
-    proof.wait(60.0)
-    assert not proof.found
-    assert others() == 0
 
 
 def test_what_is_no_longer_wanted_ends_soon() -> None:
-    running, unwanted = (BackgroundProof(StateChecker(world), *ENDS, 3600.0) for world in (SLIT, SHUT))
+    running, unwanted = proof_of(SLIT), proof_of(SHUT)
     running.begin()
     running.cancel()
     # This one would be found, were it not for that.
     unwanted.cancel()
     unwanted.begin()
     for proof in (running, unwanted):
-        waiting = threading.Thread(target=proof.end, daemon=True)
-        waiting.start()
-        waiting.join(120.0)
-        assert not waiting.is_alive()
-        assert not proof.found
+        proof.wait(120.0)
+        assert not proof.running
+        assert not proof.found()
+    proof_of(SLIT).end()  # it never began
     assert others() == 0
+
+
+def test_an_error_is_raised_where_the_result_is_asked_for() -> None:
+    def fail(stop: object) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        in_time(10.0, fail)
+    assert in_time(0.0, lambda stop: threading.Event().wait(0.2)) is None
 
 
 @pytest.mark.slow
