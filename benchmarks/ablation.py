@@ -32,7 +32,7 @@ from trailmark.collision import StateChecker
 from trailmark.landmarks import free_samples, k_means_landmarks
 from trailmark.motion import kind_of
 from trailmark.planning import LandmarkPlanner, PlannerSettings
-from trailmark.planning.settings import MECHANISMS, METHODS
+from trailmark.planning.settings import METHODS, STAGES
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap
 
@@ -61,7 +61,7 @@ def variants(case: Case) -> dict[str, PlannerSettings]:
     unused = KEPT | (OF_CARS if straight else {"bridges", "lattice"})
     unused |= {"background-proof"} if kind == "translation" else OF_DISCS
     found = {FULL: PlannerSettings(), CONTROL: PlannerSettings()}
-    found |= {f"without {name}": PlannerSettings(without=(name,)) for name in MECHANISMS if name not in unused}
+    found |= {f"without {name}": PlannerSettings(without=(name,)) for name in STAGES if name not in unused}
     found[SAMPLES] = PlannerSettings(placement="samples")
     named = {name: METHODS[name] for name in METHODS if name != "landmark" and (straight or name != "lattice")}
     return found | {f"planner {name}": settings for name, settings in named.items()}

@@ -17,7 +17,7 @@ from tests.helpers.random_worlds import random_world
 from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker
-from trailmark.planning.disc_path import disc_path
+from trailmark.planning.pipeline import disc_path
 from trailmark.planning.proofs import LowerBound
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World

@@ -16,8 +16,8 @@ from trailmark.errors import ConfigurationError
 from trailmark.path import Path
 from trailmark.planning import PlannerSettings, PlanResult
 from trailmark.planning.placement import path_over_landmarks, published_landmarks
-from trailmark.planning.settings import MECHANISMS, METHODS
-from trailmark.planning.single_query import GAP
+from trailmark.planning.query import GAP
+from trailmark.planning.settings import METHODS, STAGES
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
 
@@ -103,7 +103,7 @@ def test_plain_samples_take_the_place_of_centres() -> None:
 
 TAKING_PART = {
     # Discs have a path of their own before any lattice, and cars go without lattices.
-    "rectangle": [name for name in MECHANISMS if name not in ("disc-path", "hybrid-astar")],
+    "rectangle": [name for name in STAGES if name not in ("disc-path", "hybrid-astar")],
     "disc": ["disc-path", "lattice", "shortening", "improvement"],
     "car": ["bands", "bridges", "hybrid-astar", "background-proof", "shortening", "improvement"],
 }

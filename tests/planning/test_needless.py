@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.helpers.counted_plans import random_pairs
+from tests.helpers.random_pairs import random_pairs
 from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.quick import QUICK
 

@@ -13,7 +13,7 @@ from tests.support.trials import trials
 from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, World
 from trailmark.errors import WorldError
 from trailmark.landmarks import free_samples
-from trailmark.planning.updating import Boxes
+from trailmark.planning.model import Boxes
 
 
 def edit(world: World, rng: np.random.Generator) -> World:

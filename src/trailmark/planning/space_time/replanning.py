@@ -8,9 +8,8 @@ import numpy as np
 
 from trailmark.clock import Deadline
 from trailmark.path import Path
-from trailmark.planning.followed import Rest, rest_of, vertices_of
-from trailmark.planning.incumbent import Incumbent
-from trailmark.planning.replanning import Replanner, as_replan
+from trailmark.planning.query import Incumbent, vertices_of
+from trailmark.planning.replanning import Replanner, Rest, as_replan, rest_of
 from trailmark.planning.result import ReplanResult
 from trailmark.planning.space_time.obstacles import MovingObstacles, motion_clear, path_clear, state_clear
 from trailmark.planning.space_time.search import search
