@@ -64,7 +64,7 @@ def test_variants_are_those_that_concern_the_robot(given: list[Case]) -> None:
     assert {f"planner {name}" for name in METHODS if name != "landmark"} <= set(straight)
     # What is not ablated is what makes first paths better, not sooner.
     named = {name.removeprefix("without ") for name in {*car, *straight} if name.startswith("without ")}
-    assert set(STAGES) - named == {"disc-path", "shortening", "improvement"}
+    assert set(STAGES) - named == {"disc-path", "shortening", "improvement", "roadmap"}
 
 
 @pytest.mark.slow
