@@ -214,7 +214,8 @@ def _wrapped(states: FloatArray) -> FloatArray:
 
 def _drive_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
     """Return the drive with the fewest steps out along which the depth never rises, shape (n, 3); None without one."""
-    motions = [states for states, _ in _motions(checker, q, LONGEST_DRIVE * checker.robot.circumradius)]
+    longest = max(LONGEST_DRIVE * checker.robot.circumradius, LONGEST_ARC * (checker.robot.turning_radius or 0.0))
+    motions = [states for states, _ in _motions(checker, q, longest)]
     first = [_first(checker.valid(states)) for states in motions]
     blocks = _blocks(checker)
     for k in np.argsort(first, kind="stable"):
