@@ -12,7 +12,7 @@ from tests.support.trials import trials
 
 from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, World
 from trailmark.errors import WorldError
-from trailmark.planning.updating import Boxes
+from trailmark.planning.model import Boxes
 
 
 def edit(world: World, rng: np.random.Generator) -> World:

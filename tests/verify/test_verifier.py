@@ -15,7 +15,7 @@ from tests.support.trials import few, trials
 
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
 from trailmark.errors import InternalErrorWarning
-from trailmark.planning import solve as solving
+from trailmark.planning import pipeline as solving
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Query
 from trailmark.planning.result import PlanProgress, Status
@@ -183,7 +183,7 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
         return right(query, bound, known)
 
     planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
-    monkeypatch.setattr("trailmark.planning.single_query.solve", solve)
+    monkeypatch.setattr("trailmark.planning.pipeline.solve", solve)
     seen: list[PlanProgress] = []
     with pytest.warns(InternalErrorWarning, match="not free"):
         result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1, on_progress=seen.append)
@@ -209,7 +209,7 @@ def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.M
         return "solved"
 
     planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
-    monkeypatch.setattr("trailmark.planning.single_query.solve", solve)
+    monkeypatch.setattr("trailmark.planning.pipeline.solve", solve)
     answer = BatchSolver.answer
 
     def wrong(self: BatchSolver, *arguments: object) -> object:

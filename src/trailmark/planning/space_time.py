@@ -28,9 +28,8 @@ from trailmark import se2
 from trailmark.collision.footprint import Footprint
 from trailmark.moving import Moving
 from trailmark.path import Path
-from trailmark.planning.followed import Rest, rest_of, vertices_of
-from trailmark.planning.incumbent import Incumbent
-from trailmark.planning.replanning import Replanner, as_replan
+from trailmark.planning.query import Incumbent, vertices_of
+from trailmark.planning.replanning import Replanner, Rest, as_replan, rest_of
 from trailmark.planning.result import ReplanResult
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc

@@ -105,7 +105,6 @@ def _hasty(kind: Kind, objective: str) -> LandmarkPlanner:
     settings = PlannerSettings(
         first_landmarks=20,
         drives=500,
-        redrive_nodes=2_000,
         sweeps=1,
         first_sweeps=1,
         polishing_sweeps=1,

@@ -62,7 +62,7 @@ def shortest_grid_path(query: Query, tangents: GridTangents | None) -> bool:
 def _run(query: Query, search: TangentSearch, labels: int = 2**62) -> bool:
     """Go on with a search as far as there is time; return whether it has ended."""
     states = query.incumbent.states
-    kept = KEPT * query.clock.limit + CHECKING * (0 if states is None else len(states))
+    kept = KEPT * query.budget.limit + CHECKING * (0 if states is None else len(states))
     while labels > 0 and query.seconds_left() > kept:
         if search.run(PART):
             return True
