@@ -21,7 +21,7 @@ from trailmark.planning.query import Budget, Incumbent, OnProgress, vertices_of
 from trailmark.planning.reasons import explained
 from trailmark.planning.replanning import MIN_SECONDS, Replanner, ReplanOptions, as_replan
 from trailmark.planning.result import PlanResult, ReplanResult, Status
-from trailmark.planning.space_time import SpaceTimeReplanner
+from trailmark.planning.space_time import MovingObstacles, SpaceTimeReplanner
 from trailmark.se2 import FloatArray
 
 __all__ = ["plan_any", "plan_explained", "replan"]
@@ -191,7 +191,8 @@ def _replan_single(
         model = models.standing
         with model.shared.lock:
             if model.checker.states_free(ends).all():
-                query = SpaceTimeReplanner(Replanner(model, ends[0], ends[1], options), models.moving, options.speed)
+                moving = MovingObstacles.of([each for each in models.world.moving if each], model.checker.footprint)
+                query = SpaceTimeReplanner(Replanner(model, ends[0], ends[1], options), moving, options.speed)
                 in_time = query.answer(path)
                 if in_time.path is not None or options.seconds_left() <= 0.0 or query.ends_are_swept():
                     return in_time

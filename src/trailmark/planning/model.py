@@ -9,7 +9,6 @@ import pickle
 from collections.abc import Container
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cached_property
 from time import perf_counter
 from typing import NamedTuple
 
@@ -31,7 +30,6 @@ from trailmark.planning.proofs import LowerBound, lower_bound_of
 from trailmark.planning.proofs.prover import in_time
 from trailmark.planning.result import Update
 from trailmark.planning.settings import PlannerSettings
-from trailmark.planning.space_time import MovingObstacles
 from trailmark.planning.verification import Verification
 from trailmark.roadmap.revalidation import few_boxes
 from trailmark.se2 import FloatArray
@@ -309,13 +307,6 @@ class WorldModels:
                 model = model.edited(self._stands)[0]
             self._standing = model
         return model
-
-    @cached_property
-    def moving(self) -> MovingObstacles:
-        """The moving obstacles, of which there is at least one."""
-        return MovingObstacles.of(
-            [each for each in self.world.moving if each is not None], self._full.checker.footprint
-        )
 
     def updated(self, changes: Changes | World) -> tuple[WorldModels, Update]:
         """Return the models of the world after changes, or of another world, and what changed; these stay as they are.
