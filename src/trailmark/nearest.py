@@ -84,7 +84,8 @@ class NearestNeighbours:
             self._tree = cKDTree(self._points)
         tree, ids = self._tree, np.empty((m, 0), np.int64)
         if tree.n:
-            ids = tree.query(points, np.arange(1, min(k + (first >= 0), tree.n) + 1))[1]
+            found = tree.query(points, np.arange(1, min(k + (first >= 0), tree.n) + 1))[1]
+            ids = np.asarray(found, dtype=np.int64)
         ids = np.hstack([ids, np.broadcast_to(np.arange(tree.n, n), (m, n - tree.n))])
         # By one formula for all, and of points equally far the older one first: it does not matter when they came.
         apart = ((self._points[ids] - points[:, None]) ** 2).sum(axis=2)
