@@ -81,13 +81,6 @@ def test_the_rest_is_told_in_one_line(hint: Any, value: Any, said: str) -> None:
         checked(value, hint, "x", ConfigurationError)
 
 
-def test_arrays_are_new() -> None:
-    given = np.array([1, 2])
-    found = checked(given, Numbers, "x", ConfigurationError)
-    assert found.dtype == np.float64
-    assert found is not given
-
-
 @dataclass(frozen=True)
 class Settings:
     kind: ClassVar[str] = "settings"

@@ -90,12 +90,6 @@ def test_a_discs_polygon_contains_it_and_keeps_the_stated_error(radius: float, t
     assert distance.min() >= radius - rounding
 
 
-def test_a_disc_knows_its_area_and_box() -> None:
-    disc = Disc((1.0, 2.0), 0.5)
-    assert disc.area == pytest.approx(math.pi / 4)
-    assert disc.bounding_box() == (0.5, 1.5, 1.5, 2.5)
-
-
 @given(st.floats(-10, 10), st.floats(-10, 10), st.floats(0.01, 50), st.floats(0.01, 50), st.floats(-7, 7))
 def test_a_rectangle_lies_along_its_heading(x: float, y: float, length: float, width: float, heading: float) -> None:
     rectangle = Rectangle((x, y), length, width, heading)

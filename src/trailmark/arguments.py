@@ -48,15 +48,7 @@ def number(
 ) -> float:
     """Return a number above ``above``, from ``minimum`` to ``maximum``, finite unless ``infinite``.
 
-    Args:
-        value: what was given.
-        name: what the message calls it, such as ``time limit:``; the value comes next.
-        above: the number must be larger.
-        minimum: the number must not be smaller.
-        maximum: the number must not be larger.
-        infinite: whether infinity is allowed too.
-        unit: of the number given, for the message.
-        error: what is raised.
+    ``name`` is what the message calls it, such as ``time limit``, and ``unit`` what follows the number given there.
     """
     found = real(value)
     if found > above and minimum <= found <= maximum and (infinite or math.isfinite(found)):
@@ -198,12 +190,7 @@ def _conversion(value: object) -> str:
 
 
 class Rule(NamedTuple):
-    """What a value must be, as the metadata of an ``Annotated`` type.
-
-    Attributes:
-        text: what is expected, as messages say it.
-        holds: whether a value of the right type is allowed.
-    """
+    """What a value must be, as metadata of ``Annotated``: as messages say it, and whether one is allowed."""
 
     text: str
     holds: Callable[[Any], bool]
@@ -237,12 +224,8 @@ def shaped(*sizes: int | None, minimum: int = 0) -> Rule:
 def checked(value: Any, hint: Any, name: str, error: Error) -> Any:
     """Return a value as its annotation wants it.
 
-    Args:
-        value: what was given.
-        hint: the annotation: one of the types above, a class, ``Literal``, ``tuple``, ``Sequence``, ``Mapping``,
-            ``Callable``, or several joined by ``|``. Other annotations allow all.
-        name: what the message calls it.
-        error: what is raised.
+    That is one of the types above, a class, ``Literal``, ``tuple``, ``Sequence``, ``Mapping``, ``Callable``, or several
+    joined by ``|``. Other annotations allow all.
     """
     text, convert = _kind(hint)
     try:

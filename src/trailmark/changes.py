@@ -61,12 +61,6 @@ class Obstacles(NamedTuple):
     def checked(cls, shapes: Iterable[Any], ids: Any, estimates: Any, moving: Any) -> Obstacles:
         """Return the obstacles that a world is given; those that move become the regions that they sweep.
 
-        Args:
-            shapes: shapes, geometries of shapely and :class:`Moving`.
-            ids: one for each obstacle, None where it has none; or empty.
-            estimates: likewise.
-            moving: likewise; empty where obstacles are given as :class:`Moving`.
-
         Raises:
             ShapeError: a geometry that bounds no region.
             WorldError: what :class:`trailmark.World` says.
@@ -244,15 +238,9 @@ def changes_of_edits(
     replace: Mapping[str | int, Obstacle],
     grown: bool,
 ) -> Changes:
-    """Return the changes that edits make of some obstacles.
+    """Return the changes that edits make of some obstacles (:meth:`trailmark.World.edited`).
 
-    Args:
-        obstacles: what there is.
-        add: new obstacles, in their order; with their ids if a mapping.
-        remove: ids or indices.
-        move: for ids or indices: dx, dy and, if turned, dtheta; metres and radians.
-        replace: for ids or indices: the new obstacles.
-        grown: whether obstacles with estimates are grown for a risk, which an estimate that is new here is not.
+    ``grown`` says whether obstacles with estimates are grown for a risk, which an estimate that is new here is not.
 
     Raises:
         WorldError: an unknown or duplicate identity, an obstacle that is edited twice, or a value that is none.

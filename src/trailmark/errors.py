@@ -13,21 +13,12 @@ from functools import wraps
 from typing import ParamSpec, TypeVar
 
 __all__ = [
-    "ConfigurationError",
-    "FormatError",
-    "InputWarning",
-    "InternalErrorWarning",
-    "OutputError",
-    "ShapeError",
-    "TrailmarkError",
-    "WorldError",
-    "as_raised",
-    "expected_name",
+    *("ConfigurationError", "FormatError", "InputWarning", "InternalErrorWarning", "OutputError", "ShapeError"),
+    *("TrailmarkError", "WorldError", "as_raised", "expected_name"),
 ]
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
 
 LONGEST = 1000
 """Characters of a message at most: what was given may be a whole file on one line."""

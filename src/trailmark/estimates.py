@@ -50,8 +50,7 @@ class ObstacleEstimate(_Value):
     Attributes:
         mean: the most likely shape.
         covariance: shape (k, k), 2 <= k <= 5 (rectangle) or 3; metres and radians.
-        share: the part of the world's risk that this obstacle may take, above 0 and at most 1; None if not shared
-            out.
+        share: the part of the world's risk that it may take, above 0 and at most 1; None if not shared out.
         frame: what the covariance is relative to: "start", where the robot stood first, or "map", the obstacles
             themselves; None where nothing is said.
 

@@ -130,7 +130,7 @@ class Path:
         """
         from trailmark.formats.any_path import read_any_path
 
-        return read_any_path(FilePath(file)).path
+        return Path(read_any_path(FilePath(file)).states)
 
     def save(self, file: str | FilePath, frame: str = "map") -> None:
         """Write the path in the format that the suffix tells (:func:`trailmark.formats.path_files.write_path`).

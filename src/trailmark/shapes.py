@@ -23,17 +23,8 @@ if TYPE_CHECKING:
     import shapely
 
 __all__ = [
-    "LIMIT",
-    "Disc",
-    "LazyShapes",
-    "Polygon",
-    "Rectangle",
-    "Shape",
-    "displaced",
-    "shape_of",
-    "shapes_of",
-    "signed_area",
-    "triangulate",
+    *("LIMIT", "Disc", "LazyShapes", "Polygon", "Rectangle", "Shape", "displaced", "shape_of", "shapes_of"),
+    *("signed_area", "triangulate"),
 ]
 
 FloatArray = NDArray[np.float64]
@@ -271,11 +262,7 @@ class LazyShapes(Sequence[Shape]):
 def shapes_of(value: Any, name: str) -> tuple[Any, ...]:
     """Return the polygons that a geometry of shapely consists of; anything else, alone, as it is.
 
-    Empty geometries have no polygons, and z coordinates are left out.
-
-    Args:
-        value: a geometry, or whatever else somebody gave as a shape.
-        name: what the message calls it.
+    Empty geometries have no polygons, and z coordinates are left out. ``name`` is what the message calls it.
 
     Raises:
         ShapeError: a geometry without an area, such as a point or a line, or an invalid polygon.
