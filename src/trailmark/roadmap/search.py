@@ -193,7 +193,19 @@ def search(
     seconds: float = np.inf,
     checking: bool = True,
 ) -> Search:
-    """Search a graph; the arguments are those of :func:`lazy_shortest_path`.
+    """Return the shortest certified path between nodes; undecided edges that it needs are checked and marked.
+
+    Args:
+        graph: to search.
+        starts: where the path may begin.
+        goals: where it may end; without any, the search reaches all that it can.
+        to_go: (n,) lower estimate of the cost from each node to the end, the goals' costs included; with a factor above
+            1, the path costs at most so many times the shortest, and is found sooner.
+        banned: (n,) nodes not to be used.
+        limit: longest cost of interest, with a factor of its estimate.
+        budget: maximum number of nodes and undecided edges that leave the queue.
+        seconds: time limit.
+        checking: whether undecided edges are checked; otherwise only edges known to be free are used.
 
     Raises:
         ConfigurationError: ``to_go`` or ``banned`` of another length than there are nodes.
@@ -204,8 +216,9 @@ def search(
     for name, rows in (("to_go", to_go), ("banned", excluded)):
         if np.shape(rows) != (len(q),):
             raise ConfigurationError(f"{name}: expected shape ({len(q)},), one for each node, got {np.shape(rows)}")
-    what: tuple[Any, ...] = motion.kind, q, edges, status, links, *starts, *goals, to_go, excluded
-    end, parent, reached, expanded = lazy_shortest_path(*what, float(limit), budget, Deadline.after(seconds), checking)
+    limits = float(limit), budget, Deadline.after(seconds), checking
+    arguments: tuple[Any, ...] = motion.kind, q, edges, status, links, *starts, *goals, to_go, excluded, *limits
+    end, parent, reached, expanded = lazy_shortest_path(*arguments)
     nodes = []
     while end >= 0:
         nodes.append(end)
@@ -263,27 +276,9 @@ def lazy_shortest_path(
 ) -> tuple[int, NDArray[np.int64], NDArray[np.bool_], int]:
     """Return the last node of the shortest certified path, each node's parent, the nodes reached, how many expanded.
 
-    The last node is -1 if there is no path below ``limit``, or the budget or the time is used up. What a car is charged
-    for changes of direction counts as it comes to each node on the path that reached the node first: another may be as
-    cheap there and go on in the other direction at a lower cost.
-
-    Args:
-        kind: of motion that edges are (:mod:`trailmark.motion.base`).
-        configurations: (n, 3) nodes.
-        edges: (m, 2), see :class:`Graph`.
-        status: (m,); undecided edges that the search needs are checked and marked.
-        links: of the edges.
-        starts: (s,) nodes that the path may begin at.
-        start_costs: (s,) cost to reach each of them.
-        goals: (g,) nodes that it may end at; without any, the search reaches all that it can.
-        goal_costs: (g,) cost from each of them to the end.
-        to_go: (n,) lower estimate of the cost from each node to the end, ``goal_costs`` included; with a factor above
-            1, the path costs at most so many times the shortest, and is found sooner.
-        banned: (n,) nodes not to be used.
-        limit: longest cost of interest, with a factor of its estimate.
-        budget: maximum number of nodes and undecided edges that leave the queue.
-        deadline: when the search ends at the latest.
-        checking: whether undecided edges are checked; otherwise only edges known to be free are used.
+    The last node is -1 if there is no path. What a car is charged for changes of direction counts as it comes to each
+    node on the path that reached the node first: another may be as cheap there and go on in the other direction at a
+    lower cost.
     """
     n = len(configurations)
     scratch, charging = new_scratch(kind), charged(kind)
