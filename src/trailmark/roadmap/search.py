@@ -126,27 +126,28 @@ class FoundPath(NamedTuple):
     complete: bool
 
 
-def links_of(
-    n: int, edges: NDArray[np.int32], lengths: FloatArray, *, directed: bool = False, reverse: bool = False
-) -> Links:
-    """Return the links of n nodes along edges, shape (m, 2), of lengths (m,).
+def links_of(n: int, edges: NDArray[np.int32], lengths: FloatArray, directed: bool) -> Links:
+    """Return the links of n nodes along edges, shape (m, 2), of lengths (m,), both ways unless they are directed."""
+    # Compiled code gives back plain tuples: a signal may arrive while they are made.
+    return Links(*_rows(n, edges, lengths, 1 if directed else 2))
 
-    Args:
-        n: nodes.
-        edges: from, to.
-        lengths: metres.
-        directed: whether they lead one way only.
-        reverse: whether links lead back along directed edges instead.
-    """
-    from scipy.sparse import csr_array
 
-    sides, ends = 1 if directed else 2, edges[:, ::-1] if reverse else edges
-    sources, targets = ends[:, :sides].ravel(), ends[:, ::-1][:, :sides].ravel()
-    # A row for each link, its only element in the column of its source: put in order by columns in linear time.
-    rows = csr_array((np.repeat(lengths, sides), sources, np.arange(len(sources) + 1)), shape=(len(sources), n))
-    by_node = rows.tocsc()
-    order = by_node.indices
-    return Links(by_node.indptr.astype(np.int64), targets[order], (order // sides).astype(np.int32), by_node.data)
+@njit(cache=True, nogil=True)
+def _rows(n: int, edges: NDArray[np.int32], lengths: FloatArray, sides: int) -> tuple[NDArray[Any], ...]:
+    """Return the parts of :class:`Links`."""
+    start = np.zeros(n + 1, np.int64)
+    for i in range(len(edges)):
+        for side in range(sides):
+            start[edges[i, side] + 1] += 1
+    start = np.cumsum(start)
+    place, count = start[:-1].copy(), start[-1]
+    node, edge, length = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count)
+    for i in range(len(edges)):
+        for side in range(sides):
+            k = place[edges[i, side]]
+            place[edges[i, side]] = k + 1
+            node[k], edge[k], length[k] = edges[i, 1 - side], i, lengths[i]
+    return start, node, edge, length
 
 
 def tree_of(q: FloatArray, radius: float) -> Any:
