@@ -178,6 +178,9 @@ class Roadmap(Shown):
 
         return load_roadmap(path, checker)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_made": {}}
+
     def __len__(self) -> int:
         return len(self.configurations)
 
