@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few, trials
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples
@@ -173,45 +173,6 @@ def test_costs_are_dijkstras(name: str, seed: int) -> None:
 
     near = relaxation.costs_from(source, target=target, widening=0.2)
     assert forth[end] * 1.2 <= near.limit < forth[end] * 1.2001 + 10.0 * relaxation.size
-
-
-def flood(world: World, start: FloatArray, radius: float, step: float) -> FloatArray:
-    """Points of a lattice that a disc's centre reaches from start by straight steps that shapely finds free."""
-    xmin, ymin, xmax, ymax = world.bounds
-    x, y = np.arange(xmin, xmax, step) + 0.37 * step, np.arange(ymin, ymax, step) + 0.37 * step
-    lattice = np.stack(np.meshgrid(x, y), axis=-1)
-    free = distances(world, shapely.points(lattice)) >= radius
-    index = np.arange(free.size).reshape(free.shape)
-    pairs = []
-    for one, two in (
-        ((slice(None), slice(None, -1)), (slice(None), slice(1, None))),
-        ((slice(None, -1), slice(None)), (slice(1, None), slice(None))),
-    ):
-        both = free[one] & free[two]
-        lines = shapely.linestrings(np.stack([lattice[one][both], lattice[two][both]], axis=1))
-        clear = distances(world, lines) >= radius
-        pairs.append(np.column_stack([index[one][both][clear], index[two][both][clear]]))
-    joined = np.concatenate(pairs)
-    graph = sparse.coo_matrix((np.ones(len(joined)), joined.T), shape=(free.size, free.size))
-    labels = csgraph.connected_components(graph, directed=False)[1]
-    around = np.flatnonzero(free.ravel() & (np.hypot(*(lattice.reshape(-1, 2) - start).T) < 2.0 * step))
-    straight = shapely.linestrings([[start, lattice.reshape(-1, 2)[i]] for i in around])
-    entry = around[distances(world, straight) >= radius]
-    return np.asarray(lattice.reshape(-1, 2)[np.isin(labels, labels[entry])])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", trials(4, of=2))
-def test_component_holds_all_that_a_disc_reaches(seed: int) -> None:
-    world = random_world(seed, 25, size=20.0, radii=(0.5, 3.0), discs=0.3, boundary=seed % 2 == 0)
-    checker = StateChecker(world, Robot.disc(0.7))
-    start = free_samples(checker, 1, random_state=seed)[0]
-    reached = flood(world, start[:2], 0.7, 0.2)
-    assert len(reached) > 10
-    for fineness in (0, 1):
-        relaxation = Relaxation(checker, fineness)
-        component = relaxation.component(start)
-        assert component[relaxation.cells(reached)].all()
 
 
 @pytest.mark.slow

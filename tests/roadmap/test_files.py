@@ -15,7 +15,6 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.helpers.oracle import Oracle, motion_states
@@ -226,22 +225,6 @@ def test_an_edited_file_is_checked_anew(roadmap: Roadmap, tmp_path: Path) -> Non
     assert set(load_roadmap(tmp_path / "r.graphml", roadmap.checker).status.tolist()) == {UNDECIDED}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", [Robot.disc(0.2), Robot.rectangle(0.5, 0.3), CAR.steered(None).differential()])
-def test_a_one_way_zone_is_crossed_one_way(robot: Robot, tmp_path: Path) -> None:
-    zone = shapely.box(4.0, 0.0, 6.0, 10.0)
-    one_way = OneWayZone(Polygon(zone.exterior.coords[:-1]), 0.0, 0.8)
-    checker = StateChecker(World("w", (0, 0, 10, 10), (Disc((5, 5), 1),), zones=(one_way,)), robot)
-    roadmap = made(checker, 40)
-    roadmap.certify_all()
-    roadmap.save(tmp_path / "r.npz")
-    again = load_roadmap(tmp_path / "r.npz", checker)
-    free = again.edges[again.certified].tolist()
-    crossing = [edge for edge in free if shapely.LineString(again.configurations[edge, :2]).crosses(zone)]
-    assert len(crossing) > 10
-    assert all(again.configurations[u, 0] < again.configurations[v, 0] for u, v in crossing)
-
-
 def test_half_a_turn_is_left_out(tmp_path: Path) -> None:
     q = np.array([[3.0, 4.0, 0.0], [4.0, 4.0, np.pi], [5.0, 4.0, 3.0]])
     both = np.array([[0, 1], [1, 2]], dtype=np.int32)
@@ -250,17 +233,6 @@ def test_half_a_turn_is_left_out(tmp_path: Path) -> None:
 
 
 # --- what is refused -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["r.txt", "r", "r.npz.gz", "r.geojson"])
-def test_suffixes(roadmap: Roadmap, name: str, tmp_path: Path) -> None:
-    file = tmp_path / name
-    if name != "r.geojson":
-        with pytest.raises(OutputError, match=r"expected \.geojson, \.graphml, \.npz, got '"):
-            roadmap.save(file)
-    said = problem(file, roadmap.checker)
-    assert said.startswith(f"expected suffix .graphml or .npz, got {file.suffix!r}")
-    assert ("read_route_graph" in said) == (name == "r.geojson")
 
 
 @pytest.mark.parametrize("suffix", [*SUFFIXES, ".geojson"])
@@ -283,12 +255,17 @@ def test_a_file_is_written_whole_or_not_at_all(
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_missing_and_foreign_files(suffix: str, tmp_path: Path) -> None:
+def test_missing_and_foreign_files(roadmap: Roadmap, suffix: str, tmp_path: Path) -> None:
     assert problem(tmp_path / f"none{suffix}", OPEN).startswith("cannot be read: No such file")
     file = tmp_path / f"r{suffix}"
     for content in (b"", b"hello", b"PK\x03\x04", b"\x93NUMPY", b"<graphml/>", b"<graphml><graph/>", b"\xff" * 99):
         file.write_bytes(content)
         assert problem(file, OPEN).startswith(f"not a readable {'.npz' if suffix == '.npz' else 'GraphML'}")
+    other = tmp_path / f"r{suffix}.gz"
+    assert problem(other, OPEN) == "expected suffix .graphml or .npz, got '.gz'"
+    assert problem(tmp_path / "r.geojson", OPEN).endswith("; a route graph is read by read_route_graph")
+    with pytest.raises(OutputError, match=r"expected \.geojson, \.graphml, \.npz, got '.gz'"):
+        roadmap.save(other)
 
 
 def without(name: str) -> Change:
@@ -347,8 +324,7 @@ class Trap:
 
 
 def test_nothing_is_unpickled(roadmap: Roadmap, tmp_path: Path) -> None:
-    sprung, file = tmp_path / "sprung", tmp_path / "r.npz"
-    content = arrays(roadmap, tmp_path)
+    sprung, file, content = tmp_path / "sprung", tmp_path / "r.npz", arrays(roadmap, tmp_path)
     for name in content:
         np.savez(file, **(content | {name: np.array([Trap(sprung)], dtype=object)}))
         assert problem(file, roadmap.checker).startswith("not a readable .npz file: Object arrays cannot be loaded")
@@ -392,13 +368,13 @@ EDGE = '<edge source="0" target="1"><data key="c">true</data></edge>'
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ({"theta": "nan"}, "node 0: theta: expected a finite number, got 'nan'"),
+        ({"theta": "nan"}, "node 0: theta: expected a finite number, got nan"),
         ({"theta": "east"}, "not a readable GraphML file: could not convert string to float: 'east'"),
         ({"kind": "string", "theta": "1"}, "node 0: theta: expected a finite number, got '1'"),
-        ({"kind": "long", "theta": "9" * 400}, f"node 0: theta: expected a finite number, got '{'9' * 60}'"),
+        ({"kind": "long", "theta": "9" * 400}, "node 0: theta: expected a finite number, got 999"),
         ({"second": "one"}, "not a readable GraphML file: invalid literal for int()"),
         ({"edges": '<edge source="0" target="1"/>'}, "edge 0-1: certified: expected true or false, got 'None'"),
-        ({"edges": '<edge source="0" target="2"/>'}, "node 2: x: expected a finite number, got 'None'"),
+        ({"edges": '<edge source="0" target="2"/>'}, "node 2: x: expected a finite number, got None"),
         ({"edges": EDGE + EDGE}, "edges[1]: expected each pair once, got [0, 1]"),
         ({"edges": EDGE.replace('"1"', '"0"')}, "edges[0]: expected two different nodes, got [0, 0]"),
         ({"edges": "<edge"}, "not a readable GraphML file: not well-formed"),
@@ -565,14 +541,14 @@ def test_all_that_nav2_takes(tmp_path: Path) -> None:
         ([point(1), point(1)], "features[1]: expected each node id once, got 1 again"),
         ([point(1)], "expected Point and LineString features, one or more of each, got 1 nodes and 0 edges"),
         ([3, None, "x"], "got 0 nodes and 0 edges"),
-        ([point(-1)], "features[0]: id: expected a whole number from 0 to 4294967295, got '-1'"),
-        ([point(2**32)], "features[0]: id: expected a whole number from 0 to 4294967295, got '4294967296'"),
+        ([point(-1)], "features[0]: id: expected a whole number, 0 to 4294967295, got -1"),
+        ([point(2**32)], "features[0]: id: expected a whole number, 0 to 4294967295, got 4294967296"),
         ([point("a\nb")], "got 'a\\nb'"),
         ([point(1) | {"properties": None}], "features[0]: expected an object 'properties' with an id, got none"),
-        ([point(1), line(2, 1, None)], "features[1]: endid: expected a whole number from 0 to 4294967295, got 'None'"),
+        ([point(1), line(2, 1, None)], "features[1]: endid: expected a whole number, 0 to 4294967295, got None"),
         ([point(1, "0")], "features[0]: coordinates: expected a finite number, got '0'"),
-        ([point(1, 0, 10**400)], "features[0]: coordinates: expected a finite number, got '1000"),
-        ([point(1, 0, float("inf"))], "got 'inf'"),
+        ([point(1, 0, 10**400)], "features[0]: coordinates: expected a finite number, got 1000"),
+        ([point(1, 0, float("inf"))], "got inf"),
         ([point(1) | {"geometry": {"type": "Point"}}], "features[0]: coordinates: expected [x, y], got None"),
         ([point(1), line(2, 1, 1, cost="low")], "features[1]: cost: expected a finite number, got 'low'"),
     ],
@@ -581,18 +557,16 @@ def test_files_that_are_no_route_graph(features: list[Any], said: str, tmp_path:
     assert said in problem(written(tmp_path, *features), read_route_graph)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
+def test_files_that_are_no_json(tmp_path: Path) -> None:
+    file = tmp_path / "graph.geojson"
+    assert problem(file, read_route_graph).startswith("cannot be read: No such file")
+    for text, said in (
         ("", "1: not valid JSON: Expecting value"),
         ('{"features": [\n1,]}', "2: not valid JSON: "),
         ("[]", "expected a GeoJSON FeatureCollection, got no list 'features'"),
         ("[" * 100_000, "not valid JSON: nested too deeply"),
         (f'{{"features": [{"9" * 5000}]}}', "not valid JSON: nested too deeply or a number too long"),
         ("\0", "not a text file; expected GeoJSON"),
-    ],
-)
-def test_files_that_are_no_json(text: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / "graph.geojson").write_text(text)
-    assert said in problem(tmp_path / "graph.geojson", read_route_graph)
-    assert problem(tmp_path / "none.geojson", read_route_graph).startswith("cannot be read: No such file")
+    ):
+        file.write_text(text)
+        assert said in problem(file, read_route_graph)

@@ -16,6 +16,8 @@ import io
 import json
 import math
 import zipfile
+from functools import partial
+from itertools import count
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.arguments import number, whole
 from trailmark.collision.obstacles import boundary_segments, obstacle_discs
 from trailmark.errors import FormatError, OutputError
 from trailmark.formats import files, path_files
@@ -229,14 +232,18 @@ def _read_graphml(data: bytes, path: FilePath) -> dict[str, NDArray[Any]]:
     except Exception as error:  # networkx lets XML, key and number errors through as they come
         raise FormatError(path, f"not a readable GraphML file: {_one_line(error)}") from None
     nodes = sorted(graph.nodes)
-    number = {node: i for i, node in enumerate(nodes)}
-    q = [[_finite(graph.nodes[node].get(a), f"node {node}: {a}", path) for a in ("x", "y", "theta")] for node in nodes]
+    position = {node: i for i, node in enumerate(nodes)}
+    wrong: Any = partial(FormatError, path)
+    q = [
+        [number(graph.nodes[node].get(a), f"node {node}: {a}:", error=wrong) for a in ("x", "y", "theta")]
+        for node in nodes
+    ]
     edges, status = [], []
     for u, v, attributes in graph.edges(data=True):
         certified = attributes.get("certified")
         if not isinstance(certified, bool):
-            raise FormatError(path, f"edge {u}-{v}: certified: expected true or false, got {str(certified)[:60]!r}")
-        edges.append((number[u], number[v]))
+            raise wrong(f"edge {u}-{v}: certified: expected true or false, got {str(certified)[:60]!r}")
+        edges.append((position[u], position[v]))
         status.append(EdgeStatus.FREE if certified else EdgeStatus.UNDECIDED)
     arrays = np.array(q).reshape(-1, 3), np.array(edges, dtype=int).reshape(-1, 2), np.array(status, dtype=int)
     texts = (np.array(str(graph.graph.get(name, ""))) for name in ("fingerprint", "checksum"))
@@ -285,12 +292,11 @@ def _route_text(roadmap: Roadmap, path: FilePath, frame: str) -> str:
     for node, (x, y, theta), free in zip(nodes.tolist(), q[nodes].tolist(), clearance.tolist(), strict=True):
         properties: dict[str, Any] = {"id": node, "frame": frame, "metadata": {"theta": theta, "clearance": free}}
         features.append(path_files.geojson_feature(properties, "Point", [x, y]))
-    number, positions = len(q), q[:, :2].tolist()
+    ids, positions = count(len(q)), q[:, :2].tolist()
     for (u, v), length in zip(pairs.tolist(), lengths.tolist(), strict=True):
         for start, end in ((u, v),) if roadmap.directed else ((u, v), (v, u)):
-            properties = {"id": number, "startid": start, "endid": end, "cost": length}
+            properties = {"id": next(ids), "startid": start, "endid": end, "cost": length}
             features.append(path_files.geojson_feature(properties, "LineString", [positions[start], positions[end]]))
-            number += 1
     return path_files.geojson_text(features)
 
 
@@ -308,6 +314,14 @@ def read_route_graph(path: str | FilePath) -> nx.DiGraph:
     import networkx as nx
 
     path, graph, edges = FilePath(path), nx.DiGraph(), []
+    wrong: Any = partial(FormatError, path)
+
+    def id_of(properties: dict[str, Any], key: str) -> int:
+        return whole(properties.get(key), f"{where}: {key}:", 0, MAX_ID, error=wrong)
+
+    def given(properties: dict[str, Any], *keys: str) -> dict[str, Any]:
+        return {key: properties[key] for key in keys if key in properties}
+
     for i, feature in enumerate(_features(path)):
         where = f"features[{i}]"
         geometry = feature.get("geometry") if isinstance(feature, dict) else None
@@ -316,35 +330,33 @@ def read_route_graph(path: str | FilePath) -> nx.DiGraph:
             continue
         properties = feature.get("properties")
         if not isinstance(properties, dict):
-            raise FormatError(path, f"{where}: expected an object 'properties' with an id, got none")
+            raise wrong(f"{where}: expected an object 'properties' with an id, got none")
         if kind != "Point":
             edges.append((where, properties))
             continue
-        node, at = _id(properties, "id", where, path), geometry.get("coordinates")
+        node, at = id_of(properties, "id"), geometry.get("coordinates")
         if node in graph:
-            raise FormatError(path, f"{where}: expected each node id once, got {node} again")
+            raise wrong(f"{where}: expected each node id once, got {node} again")
         if not isinstance(at, list) or len(at) < 2:
-            raise FormatError(path, f"{where}: coordinates: expected [x, y], got {str(at)[:60]}")
-        position = tuple(_finite(value, f"{where}: coordinates", path) for value in at[:2])
-        graph.add_node(node, position=position, **_given(properties, "frame", "metadata"))
+            raise wrong(f"{where}: coordinates: expected [x, y], got {str(at)[:60]}")
+        position = tuple(number(value, f"{where}: coordinates:", error=wrong) for value in at[:2])
+        graph.add_node(node, position=position, **given(properties, "frame", "metadata"))
     for where, properties in edges:
-        edge, start, end = (_id(properties, key, where, path) for key in ("id", "startid", "endid"))
+        edge, start, end = (id_of(properties, key) for key in ("id", "startid", "endid"))
         for key, node in (("startid", start), ("endid", end)):
             if node not in graph:
-                raise FormatError(path, f"{where}: {key}: expected the id of a Point feature, got {node}")
+                raise wrong(f"{where}: {key}: expected the id of a Point feature, got {node}")
         length = math.dist(graph.nodes[start]["position"], graph.nodes[end]["position"])
-        attributes = {"id": edge, "length": length, **_given(properties, "cost", "metadata")}
+        attributes = {"id": edge, "length": length, **given(properties, "cost", "metadata")}
         if "cost" in attributes:
-            attributes["cost"] = _finite(attributes["cost"], f"{where}: cost", path)
+            attributes["cost"] = number(attributes["cost"], f"{where}: cost:", error=wrong)
         if (before := graph.get_edge_data(start, end)) is not None:
             if attributes.get("cost", length) >= before.get("cost", length):
                 continue
             graph.remove_edge(start, end)
         graph.add_edge(start, end, **attributes)
     if graph.number_of_edges() == 0:
-        raise FormatError(
-            path, f"expected Point and LineString features, one or more of each, got {len(graph)} nodes and 0 edges"
-        )
+        raise wrong(f"expected Point and LineString features, one or more of each, got {len(graph)} nodes and 0 edges")
     return graph
 
 
@@ -360,27 +372,6 @@ def _features(path: FilePath) -> list[Any]:
     if not isinstance(features, list):
         raise FormatError(path, "expected a GeoJSON FeatureCollection, got no list 'features'")
     return features
-
-
-def _given(properties: dict[str, Any], *keys: str) -> dict[str, Any]:
-    return {key: properties[key] for key in keys if key in properties}
-
-
-def _id(properties: dict[str, Any], key: str, where: str, path: FilePath) -> int:
-    value = properties.get(key)
-    # Editors of geographic data write 7.0 for 7.
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)
-    if type(value) is not int or not 0 <= value <= MAX_ID:
-        raise FormatError(path, f"{where}: {key}: expected a whole number from 0 to {MAX_ID}, got {str(value)[:60]!r}")
-    return value
-
-
-def _finite(value: Any, what: str, path: FilePath) -> float:
-    # A whole number may have hundreds of digits.
-    if type(value) in (int, float) and abs(value) < 2**1000:
-        return float(value)
-    raise FormatError(path, f"{what}: expected a finite number, got {str(value)[:60]!r}")
 
 
 def _one_line(error: Exception) -> str:

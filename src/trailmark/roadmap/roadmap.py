@@ -178,6 +178,9 @@ class Roadmap(Shown):
 
         return load_roadmap(path, checker)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_made": {}}
+
     def __len__(self) -> int:
         return len(self.configurations)
 
@@ -351,11 +354,13 @@ class Roadmap(Shown):
 
     def fresh(self, q: FloatArray, distance: float) -> FloatArray:
         """Return those of the configurations (n, 3) that are more than ``distance`` (metres) from all joined nodes."""
-        if len(self) == 0:
+        nodes, edges, _, _ = self._content
+        if len(nodes) == 0:
             return q
-        graph = self._graph()
-        gap, nearest = graph.tree.query(se2.embed(q, self.motion.radius))
-        return np.asarray(q[(gap > distance) | (np.diff(graph.links.start)[nearest] == 0)])
+        gap, nearest = self._tree(nodes).query(se2.embed(q, self.motion.radius))
+        joined = np.zeros(len(nodes), np.bool_)
+        joined[edges] = True
+        return np.asarray(q[(gap > distance) | ~joined[nearest]])
 
     def shortest_path(
         self,
@@ -462,13 +467,14 @@ class Roadmap(Shown):
 
     def _graph(self, reverse: bool = False) -> Graph:
         """Return what searches read; made anew after a change."""
-        content, directed = self._content, self.directed
+        content = self._content
         q, edges, lengths, status = content
-        made = self._cached(
-            "back" if reverse else "forth",
-            content,
-            lambda: links_of(len(q), edges, lengths, directed=directed, reverse=reverse),
-        )
+
+        def links() -> Any:
+            along = np.ascontiguousarray(edges[:, ::-1]) if reverse else edges
+            return links_of(len(q), along, lengths, self.directed)
+
+        made = self._cached("back" if reverse else "forth", content, links)
         return Graph(self.motion, q, edges, status, made, self._tree(q))
 
     def _tree(self, q: FloatArray) -> Any:

@@ -126,27 +126,28 @@ class FoundPath(NamedTuple):
     complete: bool
 
 
-def links_of(
-    n: int, edges: NDArray[np.int32], lengths: FloatArray, *, directed: bool = False, reverse: bool = False
-) -> Links:
-    """Return the links of n nodes along edges, shape (m, 2), of lengths (m,).
+def links_of(n: int, edges: NDArray[np.int32], lengths: FloatArray, directed: bool) -> Links:
+    """Return the links of n nodes along edges, shape (m, 2), of lengths (m,), both ways unless they are directed."""
+    # Compiled code gives back plain tuples: a signal may arrive while they are made.
+    return Links(*_rows(n, edges, lengths, 1 if directed else 2))
 
-    Args:
-        n: nodes.
-        edges: from, to.
-        lengths: metres.
-        directed: whether they lead one way only.
-        reverse: whether links lead back along directed edges instead.
-    """
-    from scipy.sparse import csr_array
 
-    sides, ends = 1 if directed else 2, edges[:, ::-1] if reverse else edges
-    sources, targets = ends[:, :sides].ravel(), ends[:, ::-1][:, :sides].ravel()
-    # A row for each link, its only element in the column of its source: put in order by columns in linear time.
-    rows = csr_array((np.repeat(lengths, sides), sources, np.arange(len(sources) + 1)), shape=(len(sources), n))
-    by_node = rows.tocsc()
-    order = by_node.indices
-    return Links(by_node.indptr.astype(np.int64), targets[order], (order // sides).astype(np.int32), by_node.data)
+@njit(cache=True, nogil=True)
+def _rows(n: int, edges: NDArray[np.int32], lengths: FloatArray, sides: int) -> tuple[NDArray[Any], ...]:
+    """Return the parts of :class:`Links`."""
+    start = np.zeros(n + 1, np.int64)
+    for i in range(len(edges)):
+        for side in range(sides):
+            start[edges[i, side] + 1] += 1
+    start = np.cumsum(start)
+    place, count = start[:-1].copy(), start[-1]
+    node, edge, length = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count)
+    for i in range(len(edges)):
+        for side in range(sides):
+            k = place[edges[i, side]]
+            place[edges[i, side]] = k + 1
+            node[k], edge[k], length[k] = edges[i, 1 - side], i, lengths[i]
+    return start, node, edge, length
 
 
 def tree_of(q: FloatArray, radius: float) -> Any:
@@ -193,7 +194,19 @@ def search(
     seconds: float = np.inf,
     checking: bool = True,
 ) -> Search:
-    """Search a graph; the arguments are those of :func:`lazy_shortest_path`.
+    """Return the shortest certified path between nodes; undecided edges that it needs are checked and marked.
+
+    Args:
+        graph: to search.
+        starts: where the path may begin.
+        goals: where it may end; without any, the search reaches all that it can.
+        to_go: (n,) lower estimate of the cost from each node to the end, the goals' costs included; with a factor above
+            1, the path costs at most so many times the shortest, and is found sooner.
+        banned: (n,) nodes not to be used.
+        limit: longest cost of interest, with a factor of its estimate.
+        budget: maximum number of nodes and undecided edges that leave the queue.
+        seconds: time limit.
+        checking: whether undecided edges are checked; otherwise only edges known to be free are used.
 
     Raises:
         ConfigurationError: ``to_go`` or ``banned`` of another length than there are nodes.
@@ -204,8 +217,9 @@ def search(
     for name, rows in (("to_go", to_go), ("banned", excluded)):
         if np.shape(rows) != (len(q),):
             raise ConfigurationError(f"{name}: expected shape ({len(q)},), one for each node, got {np.shape(rows)}")
-    what: tuple[Any, ...] = motion.kind, q, edges, status, links, *starts, *goals, to_go, excluded
-    end, parent, reached, expanded = lazy_shortest_path(*what, float(limit), budget, Deadline.after(seconds), checking)
+    limits = float(limit), budget, Deadline.after(seconds), checking
+    arguments: tuple[Any, ...] = motion.kind, q, edges, status, links, *starts, *goals, to_go, excluded, *limits
+    end, parent, reached, expanded = lazy_shortest_path(*arguments)
     nodes = []
     while end >= 0:
         nodes.append(end)
@@ -263,27 +277,9 @@ def lazy_shortest_path(
 ) -> tuple[int, NDArray[np.int64], NDArray[np.bool_], int]:
     """Return the last node of the shortest certified path, each node's parent, the nodes reached, how many expanded.
 
-    The last node is -1 if there is no path below ``limit``, or the budget or the time is used up. What a car is charged
-    for changes of direction counts as it comes to each node on the path that reached the node first: another may be as
-    cheap there and go on in the other direction at a lower cost.
-
-    Args:
-        kind: of motion that edges are (:mod:`trailmark.motion.base`).
-        configurations: (n, 3) nodes.
-        edges: (m, 2), see :class:`Graph`.
-        status: (m,); undecided edges that the search needs are checked and marked.
-        links: of the edges.
-        starts: (s,) nodes that the path may begin at.
-        start_costs: (s,) cost to reach each of them.
-        goals: (g,) nodes that it may end at; without any, the search reaches all that it can.
-        goal_costs: (g,) cost from each of them to the end.
-        to_go: (n,) lower estimate of the cost from each node to the end, ``goal_costs`` included; with a factor above
-            1, the path costs at most so many times the shortest, and is found sooner.
-        banned: (n,) nodes not to be used.
-        limit: longest cost of interest, with a factor of its estimate.
-        budget: maximum number of nodes and undecided edges that leave the queue.
-        deadline: when the search ends at the latest.
-        checking: whether undecided edges are checked; otherwise only edges known to be free are used.
+    The last node is -1 if there is no path. What a car is charged for changes of direction counts as it comes to each
+    node on the path that reached the node first: another may be as cheap there and go on in the other direction at a
+    lower cost.
     """
     n = len(configurations)
     scratch, charging = new_scratch(kind), charged(kind)

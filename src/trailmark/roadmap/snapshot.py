@@ -74,9 +74,9 @@ class RoadmapSnapshot:
         # Spanners and distances from reference nodes are for edges that lead both ways.
         if not roadmap.directed:
             order = np.argsort(lengths[kept], kind="stable")
-            links = links_of(len(q), edges[kept], lengths[kept])
+            links = links_of(len(q), edges[kept], lengths[kept], False)
             kept = kept[_spanner(links, order, edges[kept], lengths[kept], stretch)]
-        self.links = links_of(len(q), edges[kept], lengths[kept], directed=roadmap.directed)
+        self.links = links_of(len(q), edges[kept], lengths[kept], roadmap.directed)
         self.distances, self.components = _distances(self.links, 0 if roadmap.directed else references)
         self.configurations = q
         self._graph = Graph(self.motion, q, edges[kept], status[kept], self.links, tree_of(q, self.motion.radius))
