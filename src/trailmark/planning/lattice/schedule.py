@@ -26,19 +26,12 @@ GUIDING = 2.5e-7
 
 
 class Level(NamedTuple):
-    """One search: how fine its lattice is and how much it may cost.
+    """One search for a first path: how fine its lattice is and how much it may cost."""
 
-    Attributes:
-        cells: of the cost-to-go grid that guides it; 0 for the straight distance, which needs none.
-        fineness: size of the relaxed problem's cells in units of the distance between neighbouring positions.
-        headings: how many.
-        nodes: maximum number expanded.
-    """
-
-    cells: int
-    fineness: float
+    cells: int  # of the cost-to-go grid that guides it; 0 for the straight distance, which needs none
+    fineness: float  # size of the relaxed problem's cells in units of the distance between neighbouring positions
     headings: int
-    nodes: int
+    nodes: int  # expanded at most
 
 
 LEVELS = (
@@ -57,19 +50,12 @@ LARGE = 10_000
 
 
 class View(NamedTuple):
-    """One search for a path in another homotopy class.
+    """One search for a path in another homotopy class."""
 
-    Attributes:
-        tightness: how many times dearer tight cells are.
-        weight: of the cost to go.
-        headings: how many.
-        nodes: maximum number expanded.
-    """
-
-    tightness: float
-    weight: float
+    tightness: float  # how many times dearer tight cells are
+    weight: float  # of the cost to go
     headings: int
-    nodes: int
+    nodes: int  # expanded at most
 
 
 VIEWS = (
