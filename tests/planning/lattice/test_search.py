@@ -149,7 +149,9 @@ def test_ways_are_certified_repeatable_and_end_where_they_should(
     lattice, before = Lattice(judged, size, 1 if name == "disc" else headings), ends.copy()
     for to_go in (STRAIGHT, CostToGo.of(judged, ends[1], 400)):
         (way, taken), again = (
-            lattice.find_path(*ends, to_go, weight=weight, budget=20_000, multi_steps=multi_steps, retracts=retracts)
+            lattice.find_path(
+                ends[0], ends[1], to_go, weight=weight, budget=20_000, multi_steps=multi_steps, retracts=retracts
+            )
             for _ in range(2)
         )
         assert 1 <= taken == again[1] <= 20_000

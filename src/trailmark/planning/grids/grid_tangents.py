@@ -202,24 +202,17 @@ class TangentSearch:
 
 
 class Corners(NamedTuple):
-    """Cells, and what is found at their vertices.
+    """Cells, and what is found at their vertices."""
 
-    Attributes:
-        blocked: (rows, columns), the outermost ones blocked.
-        right: (rows, columns) first column from each cell on that is blocked where the cell is free, or the reverse.
-        left: (rows, columns) last column before each cell, likewise.
-        side: (rows + 1, columns + 1) which of the four cells at a vertex is the only one blocked: 0 lower left, 1 lower
-            right, 2 upper left, 3 upper right; -1 where the vertex is no corner.
-        following: (rows + 1, columns + 1) column of the first corner in the row from each vertex on.
-        total: number of corners.
-    """
-
-    blocked: NDArray[np.bool_]
+    blocked: NDArray[np.bool_]  # (rows, columns), the outermost ones blocked
+    # (rows, columns) first column from each cell on that is blocked where the cell is free, or the reverse
     right: Int32Array
-    left: Int32Array
+    left: Int32Array  # (rows, columns) last column before each cell, likewise
+    # (rows + 1, columns + 1) which of the four cells at a vertex is the only one blocked: 0 lower left, 1 lower right,
+    # 2 upper left, 3 upper right; -1 where the vertex is no corner
     side: NDArray[np.int8]
-    following: Int32Array
-    total: int
+    following: Int32Array  # (rows + 1, columns + 1) column of the first corner in the row from each vertex on
+    total: int  # number of corners
 
 
 @njit(cache=True, nogil=True)
@@ -467,23 +460,15 @@ def _bends(circles: FloatArray, radius: float, arc: float) -> FloatArray:
 
 
 class _Task(NamedTuple):
-    """What is looked for, all in cells.
+    """What is looked for, all in cells."""
 
-    Attributes:
-        grid: cells and corners.
-        start: column and row coordinates, shape (2,).
-        goal: likewise.
-        radius: of the circles.
-        needed: distance to cells that is kept for certain; less than the radius by rounding.
-        guide: (rows, columns) of estimated lengths to the goal instead of the straight distance, which alone proves
-            anything; (0, 0) for none.
-    """
-
-    grid: Corners
-    start: FloatArray
-    goal: FloatArray
-    radius: float
-    needed: float
+    grid: Corners  # cells and corners
+    start: FloatArray  # column and row coordinates, shape (2,)
+    goal: FloatArray  # likewise
+    radius: float  # of the circles
+    needed: float  # distance to cells that is kept for certain; less than the radius by rounding
+    # (rows, columns) of estimated lengths to the goal instead of the straight distance, which alone proves anything;
+    # (0, 0) for none
     guide: NDArray[np.float32]
 
 

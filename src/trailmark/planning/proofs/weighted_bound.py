@@ -27,9 +27,9 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.goals import Goal
 from trailmark.heading import turn
-from trailmark.landmarks.grid_search import march, on_diagonal
 from trailmark.motion import Motion, WeightedMotion
 from trailmark.motion.density import FAR, Density
+from trailmark.planning.fast_marching import march, on_diagonal
 from trailmark.planning.proofs.bound import Bound, LowerBound
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
