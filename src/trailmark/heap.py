@@ -86,31 +86,20 @@ _MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
 
 
 class Labels(NamedTuple):
-    """The labels of one search, numbered as they are found.
+    """The labels of one search, numbered as they are found."""
 
-    Attributes:
-        node: (capacity,) what each leads to.
-        parent: (capacity,) the label before, -1 where there is none.
-        cost: (capacity,).
-        closed: (capacity,) whether a label that waits is to be passed over; more by each search's own numbers.
-        q: (capacity, 3) configurations.
-        more: (capacity, k) what else a search knows of its labels.
-        table: the newest label of each node, -1 where there is none; a power of two of entries, twice the capacity.
-        keys: heap of those that wait, (capacity,).
-        values: their numbers.
-        counts: (2,) number of labels, and of those that wait.
-    """
-
-    node: IntArray
-    parent: NDArray[np.int32]
-    cost: FloatArray
+    node: IntArray  # (capacity,) what each leads to
+    parent: NDArray[np.int32]  # (capacity,) the label before, -1 where there is none
+    cost: FloatArray  # (capacity,)
+    # (capacity,) whether a label that waits is to be passed over; more by each search's own numbers
     closed: NDArray[np.uint8]
-    q: FloatArray
-    more: FloatArray
+    q: FloatArray  # (capacity, 3) configurations
+    more: FloatArray  # (capacity, k) what else a search knows of its labels
+    # the newest label of each node, -1 where there is none; a power of two of entries, twice the capacity
     table: NDArray[np.int32]
-    keys: FloatArray
-    values: IntArray
-    counts: IntArray
+    keys: FloatArray  # heap of those that wait, (capacity,)
+    values: IntArray  # their numbers
+    counts: IntArray  # (2,) number of labels, and of those that wait
 
 
 @njit(cache=True)

@@ -150,7 +150,7 @@ class Relaxation:
         """
         row, column = divmod(int(self.cells(self.disc_centers(q))), self.columns)
         cost, parent = flood(self._dear, (row + 1) * (self.columns + 2) + column + 1, -1, CORNER_FACTOR)
-        costs = CostMap(cost[1:-1, 1:-1] * float(self.size), np.ascontiguousarray(parent[1:-1, 1:-1]), np.inf)
+        costs = CostMap(cost[1:-1, 1:-1] * np.float64(self.size), np.ascontiguousarray(parent[1:-1, 1:-1]), np.inf)
         reached = np.inf if target is None else float(self.cost_at(costs, target))
         return replace(costs, limit=(1.0 + widening) * reached + 8.0 * self.size) if reached > 0.0 else costs
 

@@ -107,7 +107,8 @@ class GridTangents:
         """
         radius = (self.radius - MARGIN if spare is None else (1.0 + spare) * self.radius) / self._cell
         given = np.empty((0, 0), np.float32) if guide is None else guide.astype(np.float32)
-        return TangentSearch(_Task(self.grid, *self._in_cells(a, b), radius, radius - CERTAIN / self._cell, given))
+        start, goal = self._in_cells(a, b)
+        return TangentSearch(_Task(self.grid, start, goal, radius, radius - CERTAIN / self._cell, given))
 
     def guide(self, a: FloatArray, b: FloatArray) -> NDArray[np.float32]:
         """Return the lengths to b by steps from cell to cell, as far as they matter from a, shape (rows, columns)."""
@@ -201,24 +202,17 @@ class TangentSearch:
 
 
 class Corners(NamedTuple):
-    """Cells, and what is found at their vertices.
+    """Cells, and what is found at their vertices."""
 
-    Attributes:
-        blocked: (rows, columns), the outermost ones blocked.
-        right: (rows, columns) first column from each cell on that is blocked where the cell is free, or the reverse.
-        left: (rows, columns) last column before each cell, likewise.
-        side: (rows + 1, columns + 1) which of the four cells at a vertex is the only one blocked: 0 lower left, 1 lower
-            right, 2 upper left, 3 upper right; -1 where the vertex is no corner.
-        following: (rows + 1, columns + 1) column of the first corner in the row from each vertex on.
-        total: number of corners.
-    """
-
-    blocked: NDArray[np.bool_]
+    blocked: NDArray[np.bool_]  # (rows, columns), the outermost ones blocked
+    # (rows, columns) first column from each cell on that is blocked where the cell is free, or the reverse
     right: Int32Array
-    left: Int32Array
+    left: Int32Array  # (rows, columns) last column before each cell, likewise
+    # (rows + 1, columns + 1) which of the four cells at a vertex is the only one blocked: 0 lower left, 1 lower right,
+    # 2 upper left, 3 upper right; -1 where the vertex is no corner
     side: NDArray[np.int8]
-    following: Int32Array
-    total: int
+    following: Int32Array  # (rows + 1, columns + 1) column of the first corner in the row from each vertex on
+    total: int  # number of corners
 
 
 @njit(cache=True, nogil=True)
@@ -273,22 +267,10 @@ def _seen(
     count: int,
     stack: FloatArray,
 ) -> int:
-    """Write the corners seen from a point in one quadrant of directions, and return how many are written in all.
+    """Write the corners seen from a point in a quadrant, up to so far along x and y; return how many there are in all.
 
     Sight passes between two blocked cells that touch in a vertex alone: no disc goes there. Rows are gone through from
-    the point on, each cutting the slopes at which it is passed into fewer and narrower intervals.
-
-    Args:
-        grid: cells and corners.
-        x: of the point, cells.
-        y: of the point, cells.
-        along_x: 1 for the quadrant's x above the point's, -1 for below.
-        along_y: likewise.
-        most_x: how far from the point corners matter along x, cells.
-        most_y: likewise along y.
-        found: (n, 2), columns and rows of corners, written to from ``count`` on.
-        count: of corners that are there already.
-        stack: memory, (m, 3), for intervals that are still to be gone through.
+    the point on, each cutting the slopes at which it is passed into fewer and narrower intervals, which are stacked.
     """
     first = floor(y) if along_y > 0 else ceil(y) - 1
     column = floor(x) if along_x > 0 else ceil(x) - 1
@@ -425,14 +407,7 @@ def _tangent(
 ) -> tuple[float, float, float]:
     """Return the tangent from circle a to circle b: its direction and its length, which is negative if there is none.
 
-    Args:
-        ax: centre of the circle that is left.
-        ay: likewise.
-        right_a: 1 if the centre lies on the path's right, 0 on its left, -1 for a point instead of a circle.
-        bx: centre of the circle that is reached.
-        by: likewise.
-        right_b: as ``right_a``.
-        radius: of the circles.
+    Each circle's centre lies on the path's right (1) or left (0), or is a point instead (-1).
     """
     ex, ey = bx - ax, by - ay
     # How far right of the tangent each centre lies: by the difference the tangent slants against the centres' line.
@@ -485,23 +460,15 @@ def _bends(circles: FloatArray, radius: float, arc: float) -> FloatArray:
 
 
 class _Task(NamedTuple):
-    """What is looked for, all in cells.
+    """What is looked for, all in cells."""
 
-    Attributes:
-        grid: cells and corners.
-        start: column and row coordinates, shape (2,).
-        goal: likewise.
-        radius: of the circles.
-        needed: distance to cells that is kept for certain; less than the radius by rounding.
-        guide: (rows, columns) of estimated lengths to the goal instead of the straight distance, which alone proves
-            anything; (0, 0) for none.
-    """
-
-    grid: Corners
-    start: FloatArray
-    goal: FloatArray
-    radius: float
-    needed: float
+    grid: Corners  # cells and corners
+    start: FloatArray  # column and row coordinates, shape (2,)
+    goal: FloatArray  # likewise
+    radius: float  # of the circles
+    needed: float  # distance to cells that is kept for certain; less than the radius by rounding
+    # (rows, columns) of estimated lengths to the goal instead of the straight distance, which alone proves anything;
+    # (0, 0) for none
     guide: NDArray[np.float32]
 
 
@@ -517,12 +484,7 @@ TO_GOAL = -2
 def _search(
     task: _Task, labels: Labels, begun: bool, limit: float, most: int
 ) -> tuple[bool, int, float, int, tuple[Any, ...]]:
-    """Go on with a search until ``most`` labels have been expanded.
-
-    Returns:
-        Whether it has ended; the goal's label if it is found, else -1; the least key that is waiting; how many labels
-        were expanded; and all of them.
-    """
+    """Return whether a search has ended, the goal's label or -1, the least key, labels expanded, and all of them."""
     grid, goal, expanded, ended, end, key = task.grid, task.goal, 0, False, -1, inf
     # What is not written to takes no memory, but addresses. A corner is seen in four quadrants, or two, at most once.
     found = np.empty((4 * grid.total + 4, 2), np.int32)
@@ -629,10 +591,7 @@ def _further(labels: Labels, label: int, qx: int, qy: int, dx: float, dy: float,
 
 @njit(cache=True)
 def _no_better(labels: Labels, other: int, cost: float, left: float, radius: float, closing: bool) -> bool:
-    """Return whether a way to a node is no better than one of its labels; or close those that are no better than it.
-
-    Ways are compared by the length that they would have at the turn's end.
-    """
+    """Return whether one of a node's labels is no worse, at the turn's end, than a way; or close those no better."""
     turned = cost + radius * left
     while other >= 0:
         other_left = labels.more[other, LEFT]

@@ -3,9 +3,6 @@
 The disc's shortest path leads through gaps that the robot fits through in few headings or none; a search that follows
 it floods what lies before each of them. Paths with room are nearly as short and found at once, so tight cells are
 dearer here. Nothing is proven by these costs: a cell counts as open if the disc may fit somewhere in it.
-
-A search over a lattice knows eight directions, which makes ways longer by up to 8 %: enough to lead it round the other
-side of an obstacle. Within a corridor about the cheapest way by the fast marching method it cannot.
 """
 
 from __future__ import annotations
@@ -19,11 +16,11 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.compiled import njit
-from trailmark.landmarks.grid_search import CLOSED, UNIT, flood, march
+from trailmark.landmarks.grid_search import CLOSED, UNIT, flood
 from trailmark.motion.density import Density, densities
 from trailmark.se2 import FloatArray
 
-__all__ = ["TIGHTNESS", "CostToGo", "corridor"]
+__all__ = ["TIGHTNESS", "CostToGo"]
 
 TIGHTNESS = 6.0
 """How many times dearer a cell is in which the disc hardly fits."""
@@ -91,7 +88,11 @@ class CostToGo(NamedTuple):
         if density is not None:
             weights, least = densities(density, checker.field, xmin, ymin, size, rows, columns), density.least
             dear[1:-1, 1:-1] = np.rint(dear[1:-1, 1:-1] * np.minimum(weights / least, MAX_RATIO))
-        row, column = _cell(xmin, ymin, size, (rows, columns), checker.disc_center(goal))
+        x, y = checker.disc_center(goal)
+        row, column = (
+            min(rows - 1, max(0, floor((y - ymin) / size))),
+            min(columns - 1, max(0, floor((x - xmin) / size))),
+        )
         if dear[row + 1, column + 1] == CLOSED:
             # The goal's own cell is open in any case.
             dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness))
@@ -105,12 +106,6 @@ class CostToGo(NamedTuple):
         row, column = floor((y - self.y0) / self.size), floor((x - self.x0) / self.size)
         inside = 0 <= row < self.cost.shape[0] and 0 <= column < self.cost.shape[1]
         return float(self.cost[row, column]) if inside else inf
-
-
-def _cell(x0: float, y0: float, size: float, shape: tuple[int, ...], place: tuple[float, float]) -> tuple[int, int]:
-    """Return row and column of the cell around a place, or nearest to it."""
-    row, column = floor((place[1] - y0) / size), floor((place[0] - x0) / size)
-    return min(shape[0] - 1, max(0, row)), min(shape[1] - 1, max(0, column))
 
 
 @njit(cache=True, nogil=True)
@@ -159,29 +154,3 @@ def _under(begin: float, size: float, count: int, edge: float) -> NDArray[np.int
         for u in range(places):
             found[k, u + 1] = floor((begin + (k + (u + 0.5) / places) * size) / edge)
     return found
-
-
-def corridor(checker: StateChecker, density: Density, ends: FloatArray, cells: int, widening: float) -> CostToGo:
-    """Return the costs to the goal of the cells on nearly the cheapest way alone, where places differ in cost.
-
-    Args:
-        checker: gives field and robot.
-        density: what a metre costs.
-        ends: start and goal, shape (2, 3).
-        cells: of the grid, about.
-        widening: how much dearer than the cheapest a way through a cell may be, as a share.
-    """
-    plain = CostToGo.of(checker, ends[1], cells, 0.0, density=density)
-    # Where the disc fits somewhere in the cell, by costs that are not shy of tight places.
-    metre = np.where(np.isfinite(plain.cost), plain.density, np.inf).astype(np.float64)
-    sums, to_goal = np.zeros(metre.shape), metre
-    for q in ends:
-        row, column = _cell(plain.x0, plain.y0, plain.size, metre.shape, checker.disc_center(q))
-        metre[row, column] = min(metre[row, column], plain.density[row, column])
-        vertices = march(metre, plain.size, row, column)
-        to_goal = 0.25 * (vertices[1:, 1:] + vertices[1:, :-1] + vertices[:-1, 1:] + vertices[:-1, :-1])
-        sums += to_goal
-    open_ = np.isfinite(metre)
-    near = open_ & (sums <= (1.0 + widening) * np.min(sums, initial=np.inf, where=open_))
-    cost = np.where(near, to_goal, np.inf).astype(np.float32)
-    return CostToGo(cost, plain.x0, plain.y0, plain.size, plain.density, plain.least)

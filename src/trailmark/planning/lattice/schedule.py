@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trailmark.motion import Motion, WeightedMotion
-from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo, corridor
+from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
 from trailmark.planning.shortening import EFFORT, without_needless
 from trailmark.se2 import FloatArray
@@ -26,19 +26,12 @@ GUIDING = 2.5e-7
 
 
 class Level(NamedTuple):
-    """One search: how fine its lattice is and how much it may cost.
+    """One search for a first path: how fine its lattice is and how much it may cost."""
 
-    Attributes:
-        cells: of the cost-to-go grid that guides it; 0 for the straight distance, which needs none.
-        fineness: size of the relaxed problem's cells in units of the distance between neighbouring positions.
-        headings: how many.
-        nodes: maximum number expanded.
-    """
-
-    cells: int
-    fineness: float
+    cells: int  # of the cost-to-go grid that guides it; 0 for the straight distance, which needs none
+    fineness: float  # size of the relaxed problem's cells in units of the distance between neighbouring positions
     headings: int
-    nodes: int
+    nodes: int  # expanded at most
 
 
 LEVELS = (
@@ -57,19 +50,12 @@ LARGE = 10_000
 
 
 class View(NamedTuple):
-    """One search for a path in another homotopy class.
+    """One search for a path in another homotopy class."""
 
-    Attributes:
-        tightness: how many times dearer tight cells are.
-        weight: of the cost to go.
-        headings: how many.
-        nodes: maximum number expanded.
-    """
-
-    tightness: float
-    weight: float
+    tightness: float  # how many times dearer tight cells are
+    weight: float  # of the cost to go
     headings: int
-    nodes: int
+    nodes: int  # expanded at most
 
 
 VIEWS = (
@@ -81,9 +67,6 @@ VIEWS = (
 
 STRETCH = (0.75, 1.25)
 """Factor on the lattice's size from the second turn on: which gaps a lattice hits is a matter of luck."""
-
-CORRIDOR, MARCHING = 0.03, 10.0
-"""How much dearer than the cheapest a way in its corridor may be, and times as long fast marching takes as a flood."""
 
 DETOUR = 1.15
 """Times the limit: over a lattice of eight directions a path is so much longer than its shortened self at most."""
@@ -163,15 +146,8 @@ class LatticeSchedule:
             rng: source of randomness.
             limit: metres, cost of a path that it should better.
         """
-        motion, turn = self.motion, self.views
+        turn = self.views
         self.views += 1
-        if turn == 0 and isinstance(motion, WeightedMotion):
-            # The class that is cheapest by far finer directions than a lattice's.
-            cells, view = min(LEVELS[-1].cells, self.cells), VIEWS[0]
-            if self.seconds_left() < 2.0 * MARCHING * GUIDING * cells:
-                return np.empty((0, 3))
-            to_go = corridor(self.checker, motion.density, self.ends, cells, CORRIDOR)
-            return self._find(to_go, True, self.cell, view.headings, weight=view.weight, budget=view.nodes)[0]
         view, forward = VIEWS[turn % len(VIEWS)], turn // len(VIEWS) % 2 == 0 or not self._both_ways
         if not self._has_time(LEVELS[-1].cells, forward, view.tightness):
             return np.empty((0, 3))

@@ -139,23 +139,15 @@ class Lattice:
 
 
 class _Nodes(NamedTuple):
-    """Positions of the inscribed disc's centre times headings; a node's number holds its heading, row and column.
+    """Positions of the inscribed disc's centre times headings; a node's number holds its heading, row and column."""
 
-    Attributes:
-        x0: of the first column, metres.
-        y0: of the first row, metres.
-        size: metres between neighbouring positions.
-        columns: how many.
-        rows: how many.
-        turned: for each heading: radians in (-pi, pi], and the offset from the centre to the reference point, metres;
-            shape (headings, 3).
-    """
-
-    x0: float
-    y0: float
-    size: float
-    columns: int
-    rows: int
+    x0: float  # of the first column, metres
+    y0: float  # of the first row, metres
+    size: float  # metres between neighbouring positions
+    columns: int  # how many
+    rows: int  # how many
+    # for each heading: radians in (-pi, pi], and the offset from the centre to the reference point, metres; shape
+    # (headings, 3)
     turned: FloatArray
 
 
@@ -200,23 +192,14 @@ def _length(nodes: _Nodes, move: int) -> float:
 
 
 class _Guide(NamedTuple):
-    """Costs to go, and how they are used.
+    """Costs to go, and how they are used."""
 
-    Attributes:
-        to_go: on a grid.
-        x: of the goal's position, metres.
-        y: of the goal's position, metres.
-        weight: of the cost to go.
-        limit: metres; no path over a node is of interest whose cost and straight distance to the goal exceed it.
-        rotation: what a radian costs.
-    """
-
-    to_go: CostToGo
-    x: float
-    y: float
-    weight: float
-    limit: float
-    rotation: float
+    to_go: CostToGo  # on a grid
+    x: float  # of the goal's position, metres
+    y: float  # of the goal's position, metres
+    weight: float  # of the cost to go
+    limit: float  # metres; no path over a node is of interest whose cost and straight distance to the goal exceed it
+    rotation: float  # what a radian costs
 
 
 @njit(cache=True)

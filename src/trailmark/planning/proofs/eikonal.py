@@ -26,9 +26,9 @@ from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.heading import turn
-from trailmark.landmarks.grid_search import march, on_diagonal
 from trailmark.motion import WeightedMotion
 from trailmark.motion.density import FAR, Density
+from trailmark.planning.fast_marching import march, on_diagonal
 from trailmark.se2 import FloatArray
 
 __all__ = ["Eikonal"]
