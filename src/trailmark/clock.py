@@ -1,60 +1,84 @@
-"""The clock that compiled searches look at, so that they end in time by themselves.
+"""Deadlines that compiled searches look at, so that they end in time by themselves.
 
-:func:`now` reads what ``time.perf_counter`` reads, without the interpreter: about 0.1 µs. It stands still on Windows,
-which has no ``clock_gettime``: searches then end by their number of nodes alone.
+A kernel reads no clock: it looks at an array, which a thread writes to once the time is over (read by kernels, hence
+trailmark.jit counts this file). Kernels that are given a deadline release the interpreter's lock, or the thread waits.
 """
 
 from __future__ import annotations
 
-import sys
-from typing import Any, NamedTuple
+import heapq
+import math
+import os
+import threading
+from contextlib import suppress
+from itertools import count
+from queue import Empty, SimpleQueue
+from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
-from numba.core import types
+from numpy.typing import NDArray
 
-from trailmark.compiled import njit
-
-__all__ = ["CLOCK_EVERY", "Deadline", "now"]
+__all__ = ["CLOCK_EVERY", "Deadline"]
 
 CLOCK_EVERY = 32
-"""Nodes that a search takes between two looks at the clock: certifying their motions takes far longer than a look."""
-
-KIND: int = 8 if sys.platform == "darwin" else 1
-"""What ``time.perf_counter`` reads, as ``clock_gettime`` numbers it: CLOCK_UPTIME_RAW on macOS or CLOCK_MONOTONIC."""
+"""Nodes that a search takes between two looks at its deadline."""
 
 
 class Deadline(NamedTuple):
     """When to end.
 
     Attributes:
-        seconds: reading of the clock.
-        kind: of the clock, as ``clock_gettime`` numbers it.
+        passed: (1,), whether the time is over.
     """
 
-    seconds: float
-    kind: int
+    passed: NDArray[np.bool_]
 
     @classmethod
     def after(cls, seconds: float) -> Deadline:
         """Return the deadline that is so many seconds from now; they may be infinite."""
-        return cls(now(KIND) + seconds, KIND)
+        passed = np.array([seconds <= 0.0])
+        if 0.0 < seconds < math.inf:
+            _watch.add(perf_counter() + seconds, passed)
+        return cls(passed)
 
 
-if sys.platform == "win32":
+class _Watch:
+    """A thread that sets what deadlines show, each at its time.
 
-    @njit(cache=True)
-    def now(kind: int) -> float:
-        """Return a time before all others."""
-        return -np.inf
+    It is told of them through a queue without a lock of Python's, which an exception might leave taken.
+    """
 
-else:
-    # numba's own types are typed in part: this is a function of C's library, called from compiled code alone.
-    _pointer: Any = types.CPointer(types.int64)  # type: ignore[no-untyped-call]
-    _clock_gettime: Any = types.ExternalFunction("clock_gettime", types.int32(types.int32, _pointer))
+    def __init__(self) -> None:
+        self._new: SimpleQueue[tuple[float, int, NDArray[np.bool_]]] = SimpleQueue()
+        self._numbers = count()
+        self._thread: threading.Thread | None = None
 
-    @njit(cache=True)
-    def now(kind: int) -> float:
-        """Return the reading of a clock, in seconds."""
-        reading = np.empty(2, np.int64)
-        _clock_gettime(kind, reading.ctypes)
-        return float(reading[0] + 1e-9 * reading[1])
+    def add(self, time: float, passed: NDArray[np.bool_]) -> None:
+        """Set an array at a time, as ``time.perf_counter`` reads it."""
+        self._new.put((time, next(self._numbers), passed))
+        if self._thread is None:  # where two are started, either takes some
+            self._thread = threading.Thread(target=self._run, name="trailmark deadlines", daemon=True)
+            self._thread.start()
+
+    def _run(self) -> None:
+        waiting: list[tuple[float, int, NDArray[np.bool_]]] = []
+        while True:
+            left = min(waiting[0][0] - perf_counter(), threading.TIMEOUT_MAX) if waiting else None
+            with suppress(Empty):
+                heapq.heappush(waiting, self._new.get(timeout=None if left is None else max(left, 0.0)))
+            while waiting and waiting[0][0] <= perf_counter():
+                heapq.heappop(waiting)[2][0] = True
+
+
+_watch = _Watch()
+
+
+def _watch_anew() -> None:
+    """A forked process has none of its parent's threads."""
+    global _watch
+    _watch = _Watch()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_watch_anew)

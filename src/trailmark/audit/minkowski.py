@@ -10,7 +10,7 @@ from math import cos, hypot, sin
 
 import numpy as np
 
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 from trailmark.sorting import order_of
 
@@ -20,7 +20,7 @@ SLIVER = 1e-9
 """Share of an edge: a gap between two pieces that is no wider is rounding."""
 
 
-@njit(cache=True)
+@callee
 def _lowest(polygon: FloatArray) -> int:
     best = 0
     for k in range(1, len(polygon)):
@@ -29,7 +29,7 @@ def _lowest(polygon: FloatArray) -> int:
     return best
 
 
-@njit(cache=True)
+@callee
 def _add_convex(a: FloatArray, b: FloatArray, total: FloatArray) -> None:
     """Write the Minkowski sum of two convex polygons, counter-clockwise, into ``total``: as many vertices as both."""
     n, m = len(a), len(b)
@@ -46,7 +46,7 @@ def _add_convex(a: FloatArray, b: FloatArray, total: FloatArray) -> None:
             j += 1
 
 
-@njit(cache=True)
+@callee
 def _covered(hull: FloatArray, px: float, py: float, dx: float, dy: float) -> tuple[float, float]:
     """Return the part (low, high) of the line p + t·d, 0 <= t <= 1, inside of a convex polygon; low > high if none."""
     low, high = 0.0, 1.0
@@ -67,7 +67,7 @@ def _covered(hull: FloatArray, px: float, py: float, dx: float, dy: float) -> tu
     return low, high
 
 
-@njit(cache=True)
+@callee
 def _origin_depth(hulls: FloatArray) -> float:
     """Return how far the origin is from the nearest point that lies inside of none of the hulls, shape (k, n, 2)."""
     k, n = hulls.shape[:2]
@@ -120,7 +120,7 @@ def _origin_depth(hulls: FloatArray) -> float:
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def penetration_depths(obstacle: FloatArray, robot: FloatArray, states: FloatArray) -> FloatArray:
     """Return the shortest translations (metres, shape (n,)) that take a robot out of an obstacle; 0 if it is outside.
 

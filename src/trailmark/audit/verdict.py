@@ -14,7 +14,7 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import ROUNDING, exact_clearance, field_clearance, field_value, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.collision.pieces import LONGEST, chord_error, nearby, overlapping, pose_on, sweep
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 from trailmark.sorting import sort_in_place
 
@@ -36,7 +36,7 @@ SHORTEST = 1e-9
 """Metres: what happens between two events that are nearer to one another is not looked at."""
 
 
-@njit(cache=True)
+@callee
 def _depth(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -76,7 +76,7 @@ def _depth(
     return float(best)
 
 
-@njit(cache=True)
+@callee
 def _add(parts: FloatArray, count: int, motion: int, low: float, high: float) -> FloatArray:
     """Return the rows with one more, in twice the memory where there is none left."""
     if count == len(parts):
@@ -87,7 +87,7 @@ def _add(parts: FloatArray, count: int, motion: int, low: float, high: float) ->
     return parts
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def colliding_parts(
     grid: ObstacleGrid, field: ClearanceField, robot: Footprint, core: Body, states: FloatArray
 ) -> FloatArray:

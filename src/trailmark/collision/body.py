@@ -1,5 +1,6 @@
 """Body: a robot's region as the kernels of the audit take it, whole or without the rim that may touch."""
 
+# Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
 from itertools import pairwise

@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from trailmark.collision.field import row_distances
 from trailmark.collision.obstacles import cell_of
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.lock import Lock
 from trailmark.se2 import FloatArray
 
@@ -26,7 +26,7 @@ NEAR = 2.0
 cells reaches all that change: 1.42 for cells beside the straight line to the changed ones, the rest for rounding."""
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def window_of(
     segments: FloatArray, discs: FloatArray, x0: float, y0: float, size: float, columns: int, rows: int
 ) -> Window:
@@ -50,7 +50,7 @@ def window_of(
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def replace_items(
     cell_start: Int32Array,
     items: Int32Array,
@@ -132,7 +132,7 @@ def replace_items(
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def spread_rows(
     cell_start: Int32Array,
     items: Int32Array,
@@ -157,7 +157,7 @@ def spread_rows(
         new_items[begin + shift : end + shift] = items[begin:end]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def update_field(
     cell_start: Int32Array,
     winding: Int32Array,
@@ -232,7 +232,7 @@ def update_field(
     return (lowest, highest, first_column, end_column), (bottom, top + 1, left_most, right_most + 1)
 
 
-@njit(cache=True)
+@callee
 def _reached(distance: float, size: float, up: int, column: int, box: Window) -> bool:
     """Return whether a cell ``up`` rows from the box is no farther from it than its distance was, or by NEAR."""
     across = max(column - (box[3] - 1), box[2] - column, 0)
@@ -240,7 +240,7 @@ def _reached(distance: float, size: float, up: int, column: int, box: Window) ->
     return up * up + across * across <= reach * reach
 
 
-@njit(cache=True)
+@callee
 def _changed_cells(cell_start: Int32Array, winding: Int32Array, steps: Int32Array, window: Window) -> Window:
     """Return the smallest window of all cells of ``window`` that became occupied or free since ``steps`` was made."""
     first_row, end_row, first_column, end_column = window[1], window[0], window[3], window[2]
@@ -252,12 +252,12 @@ def _changed_cells(cell_start: Int32Array, winding: Int32Array, steps: Int32Arra
     return first_row, end_row, first_column, end_column
 
 
-@njit(cache=True)
+@callee
 def _occupied(cell_start: Int32Array, winding: Int32Array, row: int, column: int) -> bool:
     return bool(cell_start[row, column + 1] > cell_start[row, column] or winding[row, column] > 0)
 
 
-@njit(cache=True)
+@callee
 def _update_steps(cell_start: Int32Array, winding: Int32Array, steps: Int32Array, box: Window) -> tuple[int, int]:
     """Bring the steps of a box's columns up to date; return the first row changed and one behind the last."""
     rows, columns = steps.shape
@@ -283,7 +283,7 @@ def _update_steps(cell_start: Int32Array, winding: Int32Array, steps: Int32Array
     return lowest, highest
 
 
-@njit(cache=True)
+@callee
 def _nearest_column(steps: Int32Array, column: int) -> int:
     """Return the column in which the nearest occupied cell of a row's cell is."""
     best, found = steps[column] ** 2, column

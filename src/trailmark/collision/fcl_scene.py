@@ -19,7 +19,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.lock import Lock
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape, triangulate
@@ -141,7 +141,7 @@ class FclScene:
         return max(xmin - box[0], box[2] - xmax, ymin - box[1], box[3] - ymax)
 
 
-@njit(cache=True)
+@njit
 def _placed_box(outline: FloatArray, radius: float, x: float, y: float, theta: float) -> Box:
     """Return xmin, ymin, xmax, ymax of an outline (v, 2) at a configuration, thickened by ``radius``; metres."""
     c, s = math.cos(theta), math.sin(theta)
@@ -154,7 +154,7 @@ def _placed_box(outline: FloatArray, radius: float, x: float, y: float, theta: f
     return xmin - radius, ymin - radius, xmax + radius, ymax + radius
 
 
-@njit(cache=True)
+@njit
 def _meeting(boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: float) -> NDArray[np.int64]:
     """Return which of the boxes, shape (4, n), may meet a box, first those that overlap it most."""
     meets = np.empty(boxes.shape[1], np.bool_)

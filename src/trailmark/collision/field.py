@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 
 __all__ = [
     "ClearanceField",
@@ -63,7 +63,7 @@ def field_of(grid: ObstacleGrid, distance: NDArray[np.float32], largest: float) 
     return ClearanceField(distance, grid.x0, grid.y0, grid.size, slack)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def distance_transform(occupied: NDArray[np.bool_], size: float) -> NDArray[np.float32]:
     """Return each cell's distance (metres, shape (rows, columns)) to the nearest occupied cell, centre to centre.
 
@@ -85,7 +85,7 @@ def distance_transform(occupied: NDArray[np.bool_], size: float) -> NDArray[np.f
     return distance
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def vertical_steps(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Return the cells from each cell to the nearest occupied one above or below it, shape (rows, columns).
 
@@ -104,7 +104,7 @@ def vertical_steps(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
     return steps
 
 
-@njit(cache=True)
+@callee
 def row_distances(
     steps: NDArray[np.int32],
     first: int,
@@ -149,7 +149,7 @@ def row_distances(
         distance[column] = size * sqrt(across * across + down * down)
 
 
-@njit(cache=True)
+@callee
 def interpolated(field: ClearanceField, x: float, y: float) -> tuple[float, float, float]:
     """Return the field's (unproven) distance between cell centres and its slope along x and y.
 

@@ -13,7 +13,7 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import exact_clearance, field_cap, field_clearance, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.collision.pieces import LONGEST, chord_error, nearby, pose_on, sweep
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["least_clearance"]
@@ -26,7 +26,7 @@ SHARE = 0.5
 """Of half of an interval: where the clearance is less than that above the least one known, all of it is judged."""
 
 
-@njit(cache=True)
+@callee
 def _clearance(
     grid: ObstacleGrid, field: ClearanceField, robot: Footprint, placed: FloatArray, q: FloatArray, cap: float
 ) -> float:
@@ -37,7 +37,7 @@ def _clearance(
     return float(exact_clearance(grid, robot, placed, x, y, c, s, field_cap(field, robot, x, y, c, s, cap)))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def least_clearance(
     grid: ObstacleGrid, field: ClearanceField, robot: Footprint, body: Body, states: FloatArray, tolerance: float
 ) -> tuple[float, int, float]:

@@ -17,7 +17,7 @@ from trailmark.collision.body import Body
 from trailmark.collision.certify import StraightTrack
 from trailmark.collision.distances import point_clearance, ring_clearance
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import callee
 from trailmark.se2 import FloatArray
 
 __all__ = ["LONGEST", "chord_error", "nearby", "overlapping", "pose_on", "sweep"]
@@ -29,7 +29,7 @@ TOUCHED = 1e-9
 """Metres: what comes nearer than this to the core overlaps it, as far as rounding tells."""
 
 
-@njit(cache=True)
+@callee
 def chord_error(length: float, speed: float, turn: float, turning: float, reach: float) -> float:
     """Return how far (metres) a point may be off its chord on a piece of a motion.
 
@@ -47,13 +47,13 @@ def chord_error(length: float, speed: float, turn: float, turning: float, reach:
     return 0.125 * length * length * turn * (turn * max(turning, reach) + 2.0 * speed)
 
 
-@njit(cache=True)
+@callee
 def pose_on(track: StraightTrack, along: float) -> FloatArray:
     """Return the configuration at a place on the track's scale, shape (3,), the heading not wrapped."""
     return np.array([track.x + along * track.dx, track.y + along * track.dy, track.theta + along * track.dtheta])
 
 
-@njit(cache=True)
+@callee
 def overlapping(grid: ObstacleGrid, body: Body, placed: FloatArray, x: float, y: float, theta: float) -> bool:
     """Return whether the body at a configuration overlaps what is blocked; ``placed`` is memory, shape (n, 2)."""
     if body.radius > 0.0:
@@ -70,7 +70,7 @@ def overlapping(grid: ObstacleGrid, body: Body, placed: FloatArray, x: float, y:
     return False
 
 
-@njit(cache=True)
+@callee
 def nearby(grid: ObstacleGrid, x: float, y: float, reach: float, memory: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the items of the cells within ``reach`` (metres) of (x, y) along either axis.
 
@@ -99,14 +99,14 @@ def nearby(grid: ObstacleGrid, x: float, y: float, reach: float, memory: NDArray
     return memory
 
 
-@njit(cache=True)
+@callee
 def _seen(x: float, y: float, c: float, s: float, px: float, py: float) -> tuple[float, float]:
     """Return a point as a robot at (x, y), whose heading has cosine c and sine s, sees it."""
     dx, dy = px - x, py - y
     return c * dx + s * dy, c * dy - s * dx
 
 
-@njit(cache=True)
+@callee
 def _of_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
     """Return the squared distance of a point to a segment, and where on the segment, 0 to 1, it is nearest."""
     dx, dy, wx, wy = bx - ax, by - ay, px - ax, py - ay
@@ -121,7 +121,7 @@ def _of_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float
     return cross * cross / norm, along / norm
 
 
-@njit(cache=True)
+@callee
 def _chord_distance(
     px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float
 ) -> tuple[float, float]:
@@ -145,7 +145,7 @@ def _chord_distance(
     return best, at
 
 
-@njit(cache=True)
+@callee
 def _add_roots(b: float, c: float, a: float, times: FloatArray, count: int) -> int:
     """Add the roots of a·t² + 2·b·t + c that lie in [0, 1]."""
     if a == 0.0:
@@ -161,7 +161,7 @@ def _add_roots(b: float, c: float, a: float, times: FloatArray, count: int) -> i
     return count
 
 
-@njit(cache=True)
+@callee
 def _add_events(
     px: float,
     py: float,
@@ -200,7 +200,7 @@ def _add_events(
     return count
 
 
-@njit(cache=True)
+@callee
 def sweep(
     grid: ObstacleGrid,
     body: Body,

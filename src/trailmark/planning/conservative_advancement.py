@@ -10,7 +10,7 @@ from math import cos, hypot, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["advance", "may_meet"]
@@ -21,7 +21,7 @@ SMALLEST_MOVE = 1e-9
 IntArray = NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def advance(
     body: FloatArray,
     radius: float,
@@ -105,14 +105,14 @@ def advance(
     return -1, 0.0
 
 
-@njit(cache=True)
+@callee
 def _doubled(array: IntArray) -> IntArray:
     larger = np.empty(2 * len(array), np.int64)
     larger[: len(array)] = array
     return larger
 
 
-@njit(cache=True)
+@callee
 def may_meet(
     placed: FloatArray,
     ax: float,
@@ -165,7 +165,7 @@ def may_meet(
     return False
 
 
-@njit(cache=True)
+@callee
 def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, float]:
     """Return the distance of the point p from the segment from a to b, and the direction from there to p."""
     dx, dy = bx - ax, by - ay
@@ -177,7 +177,7 @@ def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -
     return (distance, dx / distance, dy / distance) if distance > 0.0 else (0.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@callee
 def _cross(px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float) -> bool:
     """Return whether the segments from p to q and from a to b cross each other."""
     first = (qx - px) * (ay - py) - (qy - py) * (ax - px)

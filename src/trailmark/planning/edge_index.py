@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.formats.grid import CellObstacles
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import World
@@ -172,7 +172,7 @@ class EdgeIndex:
         self._added = np.hstack([self._added, boxes])
 
 
-@njit(cache=True)
+@njit
 def _grouped(
     box: IntArray,
     run: IntArray,
@@ -345,7 +345,7 @@ class CellIndex:
         return found
 
 
-@njit(cache=True)
+@njit
 def _near(
     rim: NDArray[np.bool_], windows: IntArray, groups: IntArray, count: int, fixed: int, number: Int32Array
 ) -> tuple[IntArray, IntArray, IntArray]:
