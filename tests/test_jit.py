@@ -306,13 +306,16 @@ def called() -> Iterator[list[int]]:
 def kernels(during: Callable[[], object]) -> tuple[Any, Any]:
     """Return a kernel and one that it calls, and do something once numba compiles that one."""
 
-    @njit
-    def inner(x: float) -> float:
-        return 2.0 * x
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jit, "kernel_folder", lambda: None)  # they are compiled, and not found
 
-    @njit
-    def outer(x: float) -> float:
-        return float(inner(x) + 1.0)
+        @njit
+        def inner(x: float) -> float:
+            return 2.0 * x
+
+        @njit
+        def outer(x: float) -> float:
+            return float(inner(x) + 1.0)
 
     class Doing(event.Listener):  # type: ignore[misc,unused-ignore]  # numba ships types in part
         def on_start(self, event: Any) -> None:
@@ -322,8 +325,7 @@ def kernels(during: Callable[[], object]) -> tuple[Any, Any]:
         def on_end(self, event: Any) -> None:
             pass
 
-    numba_compiles: Any = event
-    numba_compiles.register("numba:compile", Doing())
+    event.register("numba:compile", Doing())
     return outer, inner
 
 

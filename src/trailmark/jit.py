@@ -24,7 +24,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from time import perf_counter
-from typing import IO, TYPE_CHECKING, Any, TypeVar
+from typing import IO, TYPE_CHECKING, Any, TypeVar, overload
 
 import numba
 from numba.core import event
@@ -122,7 +122,13 @@ def _private_folder() -> Path | None:
 
 
 if TYPE_CHECKING:
-    from numba import njit as njit
+
+    @overload
+    def njit(function: F, /) -> F: ...
+    @overload
+    def njit(*, nogil: bool) -> Callable[[F], F]: ...
+    def njit(*function: Any, **options: Any) -> Any:
+        """Compile a kernel that Python calls, at its first call; takes the options of numba's ``njit``."""
 
     def callee(function: F) -> F:
         """Compile a kernel that only kernels call: nothing is made for calls from Python, which end the process."""

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from math import ceil, fabs
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark.collision import kernels
 from trailmark.collision.certify import BUDGET, curve_motion
@@ -80,7 +81,7 @@ class CurveMarks:
         """Certify a curve and write its marks; return what :func:`_marked_curve` does."""
         # Held meanwhile: the checker may be updated in another thread.
         steering, packed = self.steering, self.single.packed
-        return int(_marked_curve(packed.arrays, *a, *b, steering.radius, steering.reverse, length, number, self._rows))
+        return int(_marked_curve(*packed.arrays, *a, *b, steering.radius, steering.reverse, length, number, self._rows))
 
 
 @callee
@@ -115,7 +116,10 @@ def _mark(a: FloatArray, word: FloatArray, radius: float, alone: bool, marks: Fl
 
 @njit
 def _marked_curve(
-    packed: Packed,
+    floats: FloatArray,
+    integers: NDArray[np.int32],
+    distance: NDArray[np.float32],
+    places: NDArray[np.int64],
     ax: float,
     ay: float,
     at: float,
@@ -137,8 +141,8 @@ def _marked_curve(
     """
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return -1
-    grid, field, robot = unpacked(packed)
-    scratch, ends = scratch_of(packed)
+    packed = Packed(floats, integers, distance, places)
+    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
     words = scratch.words
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt

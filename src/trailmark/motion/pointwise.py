@@ -36,11 +36,14 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
+Int64Array = NDArray[np.int64]
 Configuration = tuple[float, float, float]
 
 
 class Packed(NamedTuple):
-    """A checker's arrays and memory to work in, in few arrays, as compiled code takes them.
+    """A checker's arrays and memory to work in, in few arrays, which kernels take one by one: that is soonest.
 
     Attributes:
         floats: all arrays of float64, one behind the other.
@@ -50,9 +53,9 @@ class Packed(NamedTuple):
     """
 
     floats: FloatArray
-    integers: NDArray[np.int32]
-    distance: NDArray[np.float32]
-    places: NDArray[np.int64]
+    integers: Int32Array
+    distance: Float32Array
+    places: Int64Array
 
 
 class PackedChecker(NamedTuple):
@@ -110,8 +113,8 @@ class PointwiseChecker:
         arrays = self.packed.arrays
         xmin, ymin, xmax, ymax = self.checker.world.bounds
         inside = (0.5 * (xmin + xmax), 0.5 * (ymin + ymax), 0.0)
-        _valid(arrays, *inside)
-        _clearance(arrays, *inside)
+        _valid(*arrays, *inside)
+        _clearance(*arrays, *inside)
         self.motion_valid(inside, inside)
         self.step_valid(*inside, *inside)
         self.checker.scene.collides(np.array(inside))
@@ -122,7 +125,7 @@ class PointwiseChecker:
 
     def clearance(self, x: float, y: float, theta: float) -> float:
         """Return the distance (metres) to the nearest obstacle or bound, beyond the clearance that the robot keeps."""
-        return float(_clearance(self.packed.arrays, x, y, theta))
+        return float(_clearance(*self.packed.arrays, x, y, theta))
 
     def motion_valid(self, a: Configuration, b: Configuration) -> bool:
         """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
@@ -132,19 +135,19 @@ class PointwiseChecker:
         """Return whether b is valid and the motion from a, known to be valid, to b is certified."""
         packed = self.packed
         if self.steering is None:
-            answer = _step(packed.arrays, ax, ay, at, bx, by, bt)
+            answer = _step(*packed.arrays, ax, ay, at, bx, by, bt)
             if answer != kernels.UNDECIDED:
                 return bool(answer == kernels.FREE)
         return _state_valid(packed, bx, by, bt) and self._motion_valid(packed, (ax, ay, at), (bx, by, bt))
 
     def _motion_valid(self, packed: PackedChecker, a: Configuration, b: Configuration) -> bool:
         if self.steering is not None:
-            return bool(_curve(packed.arrays, *a, *b, self.steering.radius, self.steering.reverse))
-        return bool(_straight(packed.arrays, *a, *b) == kernels.FREE)
+            return bool(_curve(*packed.arrays, *a, *b, self.steering.radius, self.steering.reverse))
+        return bool(_straight(*packed.arrays, *a, *b) == kernels.FREE)
 
 
 def _state_valid(packed: PackedChecker, x: float, y: float, theta: float) -> bool:
-    answer = _valid(packed.arrays, x, y, theta)
+    answer = _valid(*packed.arrays, x, y, theta)
     if answer == kernels.UNDECIDED:
         return not packed.checker.scene.collides(np.array([x, y, theta]))
     return bool(answer == kernels.FREE)
@@ -219,17 +222,35 @@ def is_configuration(x: float, y: float, theta: float) -> bool:
 
 
 @njit
-def _valid(packed: Packed, x: float, y: float, theta: float) -> int:
+def _valid(
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
+    x: float,
+    y: float,
+    theta: float,
+) -> int:
     if not is_configuration(x, y, theta):
         return kernels.BLOCKED
+    packed = Packed(floats, integers, distance, places)
     grid, field, robot = unpacked(packed)
     return int(kernels.state(grid, field, robot, scratch_of(packed)[0].placed, x, y, theta))
 
 
 @njit
-def _clearance(packed: Packed, x: float, y: float, theta: float) -> float:
+def _clearance(
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
+    x: float,
+    y: float,
+    theta: float,
+) -> float:
     if not is_configuration(x, y, theta):
         return 0.0
+    packed = Packed(floats, integers, distance, places)
     grid, field, robot = unpacked(packed)
     q = np.empty((1, 3))
     q[0, 0], q[0, 1], q[0, 2] = x, y, theta
@@ -237,12 +258,23 @@ def _clearance(packed: Packed, x: float, y: float, theta: float) -> float:
 
 
 @njit
-def _straight(packed: Packed, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
+def _straight(
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
+    ax: float,
+    ay: float,
+    at: float,
+    bx: float,
+    by: float,
+    bt: float,
+) -> int:
     """Return FREE or BLOCKED for the straight motion from a to b."""
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return kernels.BLOCKED
-    grid, field, robot = unpacked(packed)
-    scratch, ends = scratch_of(packed)
+    packed = Packed(floats, integers, distance, places)
+    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
     # As :func:`trailmark.motion.base.certified` does it, whose many words of arguments take a tenth of the time.
@@ -251,7 +283,10 @@ def _straight(packed: Packed, ax: float, ay: float, at: float, bx: float, by: fl
 
 @njit
 def _curve(
-    packed: Packed,
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
     ax: float,
     ay: float,
     at: float,
@@ -264,20 +299,31 @@ def _curve(
     """Return whether the shortest curve from a to b is certified."""
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return False
-    grid, field, robot = unpacked(packed)
-    scratch, ends = scratch_of(packed)
+    packed = Packed(floats, integers, distance, places)
+    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
     return certified(Curve(grid, field, robot, radius, reverse, 0.0, 0.0), scratch, ends[0], ends[1], BUDGET)
 
 
 @njit
-def _step(packed: Packed, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
+def _step(
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
+    ax: float,
+    ay: float,
+    at: float,
+    bx: float,
+    by: float,
+    bt: float,
+) -> int:
     """Return FREE or BLOCKED for the end b and the straight motion to it; UNDECIDED where b is left to FCL."""
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return kernels.BLOCKED
-    grid, field, robot = unpacked(packed)
-    scratch, ends = scratch_of(packed)
+    packed = Packed(floats, integers, distance, places)
+    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
     answer = int(kernels.state(grid, field, robot, scratch.placed, bx, by, bt))
     if answer != kernels.FREE:
         return answer

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.clock import CLOCK_EVERY, Deadline
-from trailmark.collision.certify import curve_motion
+from trailmark.collision.certify import BUDGET, curve_motion
 from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.curves.shortest import MAX_WORDS, all_words
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
@@ -133,7 +133,9 @@ def _free(
         allowed = curve_allowed(zones, q, word, kind.radius)
     else:
         allowed = curve_allowed(zones, end, reversed_word(word), kind.radius)
-    return allowed and curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius) == FREE
+    if not allowed:
+        return False
+    return bool(curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius, BUDGET) == FREE)
 
 
 @callee
