@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import threading
 import time
 
 import numpy as np
@@ -28,6 +29,20 @@ def test_what_is_over_shows_it_at_once_and_what_is_infinite_never() -> None:
     endless = Deadline.after(math.inf)
     assert not endless.passed[0]
     assert endless.passed.dtype == np.bool_
+
+
+def test_once_nobody_looks_at_a_deadline_no_thread_waits_for_it() -> None:
+    deadline = Deadline.after(1000.0)
+    assert any(thread.name == "trailmark deadlines" for thread in threading.enumerate())
+    del deadline
+    end = time.perf_counter() + 30.0
+    while any(thread.name == "trailmark deadlines" for thread in threading.enumerate()):
+        assert time.perf_counter() < end
+        time.sleep(0.01)
+    again = Deadline.after(0.05)
+    while not again.passed[0]:
+        assert time.perf_counter() < end
+        time.sleep(0.001)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")

@@ -325,7 +325,7 @@ def kernels(during: Callable[[], object]) -> tuple[Any, Any]:
         def on_end(self, event: Any) -> None:
             pass
 
-    event.register("numba:compile", Doing())
+    event.register("numba:compile", Doing())  # type: ignore[no-untyped-call,unused-ignore]  # numba ships types in part
     return outer, inner
 
 

@@ -76,7 +76,7 @@ def test_a_type_without_a_variant_is_refused() -> None:
     with pytest.raises(KeyError):
         area(Point(1.0), 1.0)
     with pytest.raises((TypingError, KeyError)):
-        njit()(lambda point: area(point, 1.0))(Point(1.0))
+        njit(lambda point: area(point, 1.0))(Point(1.0))
 
 
 def test_the_name_and_the_text_are_the_function_s() -> None:

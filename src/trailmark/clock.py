@@ -10,6 +10,7 @@ import heapq
 import math
 import os
 import threading
+import weakref
 from contextlib import suppress
 from itertools import count
 from queue import Empty, SimpleQueue
@@ -23,6 +24,13 @@ __all__ = ["CLOCK_EVERY", "Deadline"]
 
 CLOCK_EVERY = 32
 """Nodes that a search takes between two looks at its deadline."""
+
+
+LONGEST_LOOK = 0.5
+"""Seconds after which the thread looks whether anybody still waits for a deadline."""
+
+Entry = tuple[float, int, "weakref.ref[NDArray[np.bool_]]"]
+"""When, in which order, and what is set."""
 
 
 class Deadline(NamedTuple):
@@ -44,31 +52,42 @@ class Deadline(NamedTuple):
 
 
 class _Watch:
-    """A thread that sets what deadlines show, each at its time.
+    """A thread that sets what deadlines show, each at its time, and ends once nobody looks at any.
 
     It is told of them through a queue without a lock of Python's, which an exception might leave taken.
     """
 
     def __init__(self) -> None:
-        self._new: SimpleQueue[tuple[float, int, NDArray[np.bool_]]] = SimpleQueue()
+        self._new: SimpleQueue[Entry] = SimpleQueue()
         self._numbers = count()
         self._thread: threading.Thread | None = None
 
     def add(self, time: float, passed: NDArray[np.bool_]) -> None:
-        """Set an array at a time, as ``time.perf_counter`` reads it."""
-        self._new.put((time, next(self._numbers), passed))
+        """Set an array at a time, as ``time.perf_counter`` reads it, if it is there then."""
+        self._new.put((time, next(self._numbers), weakref.ref(passed)))
         if self._thread is None:  # where two are started, either takes some
             self._thread = threading.Thread(target=self._run, name="trailmark deadlines", daemon=True)
             self._thread.start()
 
     def _run(self) -> None:
-        waiting: list[tuple[float, int, NDArray[np.bool_]]] = []
+        waiting: list[Entry] = []
         while True:
-            left = min(waiting[0][0] - perf_counter(), threading.TIMEOUT_MAX) if waiting else None
+            left = waiting[0][0] - perf_counter() if waiting else LONGEST_LOOK
             with suppress(Empty):
-                heapq.heappush(waiting, self._new.get(timeout=None if left is None else max(left, 0.0)))
+                heapq.heappush(waiting, self._new.get(timeout=max(0.0, min(left, LONGEST_LOOK))))
+                continue
             while waiting and waiting[0][0] <= perf_counter():
-                heapq.heappop(waiting)[2][0] = True
+                passed = heapq.heappop(waiting)[2]()
+                if passed is not None:
+                    passed[0] = True
+                    del passed
+            waiting = [entry for entry in waiting if entry[2]() is not None]
+            heapq.heapify(waiting)
+            if not waiting:
+                # Who tells of another now starts another thread, unless it is seen here.
+                self._thread = None
+                if self._new.empty():
+                    return
 
 
 _watch = _Watch()

@@ -24,14 +24,15 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from time import perf_counter
-from typing import IO, TYPE_CHECKING, Any, TypeVar, overload
+from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
 import numba
 from numba.core import event
 
 __all__ = ["callee", "compiling_for", "kernel_digest", "kernel_folder", "njit", "side_by_side"]
 
-F = TypeVar("F", bound=Callable[..., Any])
+P = ParamSpec("P")
+R = TypeVar("R")
 
 PACKAGE = Path(__file__).resolve().parent
 SPACE = 300_000_000
@@ -124,13 +125,13 @@ def _private_folder() -> Path | None:
 if TYPE_CHECKING:
 
     @overload
-    def njit(function: F, /) -> F: ...
+    def njit(function: Callable[P, R], /) -> Callable[P, R]: ...
     @overload
-    def njit(*, nogil: bool) -> Callable[[F], F]: ...
+    def njit(*, nogil: bool) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
     def njit(*function: Any, **options: Any) -> Any:
         """Compile a kernel that Python calls, at its first call; takes the options of numba's ``njit``."""
 
-    def callee(function: F) -> F:
+    def callee(function: Callable[P, R]) -> Callable[P, R]:
         """Compile a kernel that only kernels call: nothing is made for calls from Python, which end the process."""
 
 else:
