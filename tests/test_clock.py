@@ -10,25 +10,42 @@ import time
 import numpy as np
 import pytest
 
-from trailmark.clock import Deadline
+from trailmark.clock import Deadline, over
+from trailmark.jit import njit
 
 
 def test_a_deadline_passes_at_its_time_and_not_before() -> None:
     begun = time.perf_counter()
     late, soon = Deadline.after(0.4), Deadline.after(0.1)
     for deadline, seconds in ((soon, 0.1), (late, 0.4)):
-        while not deadline.passed[0]:
+        while not deadline.shown[0]:
             assert time.perf_counter() - begun < seconds + 30.0
             time.sleep(0.001)
         assert time.perf_counter() - begun >= seconds
 
 
 def test_what_is_over_shows_it_at_once_and_what_is_infinite_never() -> None:
-    assert Deadline.after(0.0).passed[0]
-    assert Deadline.after(-math.inf).passed[0]
+    assert Deadline.after(0.0).shown[0]
+    assert Deadline.after(-math.inf).shown[0]
     endless = Deadline.after(math.inf)
-    assert not endless.passed[0]
-    assert endless.passed.dtype == np.bool_
+    assert not endless.shown[0]
+    assert endless.shown.dtype == np.int64
+
+
+@njit(nogil=True)
+def _looks(deadline: Deadline) -> int:
+    memory, n = np.zeros(2), 0
+    while not over(deadline):
+        memory[0] += 1.0
+        n += 1
+    return n + int(memory[0] < 0.0)
+
+
+def test_a_kernel_that_does_nothing_else_sees_it_pass() -> None:
+    _looks(Deadline.after(0.0))
+    begun = time.perf_counter()
+    assert _looks(Deadline.after(0.1)) > 1000
+    assert 0.1 <= time.perf_counter() - begun < 30.0
 
 
 def test_once_nobody_looks_at_a_deadline_no_thread_waits_for_it() -> None:
@@ -40,7 +57,7 @@ def test_once_nobody_looks_at_a_deadline_no_thread_waits_for_it() -> None:
         assert time.perf_counter() < end
         time.sleep(0.01)
     again = Deadline.after(0.05)
-    while not again.passed[0]:
+    while not again.shown[0]:
         assert time.perf_counter() < end
         time.sleep(0.001)
 
@@ -51,7 +68,7 @@ def test_a_forked_process_has_deadlines_of_its_own() -> None:
     child = os.fork()
     if child == 0:
         deadline, begun = Deadline.after(0.01), time.perf_counter()
-        while not deadline.passed[0] and time.perf_counter() - begun < 20.0:
+        while not deadline.shown[0] and time.perf_counter() - begun < 20.0:
             time.sleep(0.001)
-        os._exit(0 if deadline.passed[0] else 1)
+        os._exit(0 if deadline.shown[0] else 1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0

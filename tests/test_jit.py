@@ -413,24 +413,24 @@ import numpy as np
 from trailmark.jit import callee, njit
 
 @callee
-def busy(values):
-    # Until it is told that the signal was sent.
+def busy(values, beside):
+    # Until it is told that the signal was sent; where it writes is not known beforehand, so that it reads again.
     while values[1] == 0.0:
-        values[0] += 1.0
+        values[beside] += 1.0
 
 @njit(nogil=True)
-def number(values):
-    busy(values)
+def number(values, beside):
+    busy(values, beside)
     return 1.5
 
 @njit(nogil=True)
-def array(values):
-    busy(values)
+def array(values, beside):
+    busy(values, beside)
     return values.copy()
 
 @njit(nogil=True)
-def several(values):
-    busy(values)
+def several(values, beside):
+    busy(values, beside)
     return 1.0, True, (values.copy(), values), values[1:]
 
 values = np.zeros(3)
@@ -443,18 +443,18 @@ def interrupt():
 
 for kernel in (number, array, several):
     values[1] = 1.0
-    expected = kernel(values)
+    expected = kernel(values, 0)
     for _ in range(ROUNDS):
         values[1] = 0.0
         thread = threading.Thread(target=interrupt)
         try:
             thread.start()
-            kernel(values)
+            kernel(values, 0)
             sys.exit("the kernel returned")
         except KeyboardInterrupt:
             pass
         thread.join()
-    assert type(kernel(values)) is type(expected)
+    assert type(kernel(values, 0)) is type(expected)
     print(kernel.__name__, "sound", flush=True)
 """
 

@@ -1,7 +1,6 @@
 """Deadlines that compiled searches look at, so that they end in time by themselves.
 
-A kernel reads no clock: it looks at an array, which a thread writes to once the time is over (read by kernels, hence
-trailmark.jit counts this file). Kernels that are given a deadline release the interpreter's lock, or the thread waits.
+A kernel reads no clock: it looks at an array, which a thread writes to once the time is over. Kernels that are given a deadline release the interpreter's lock, or the thread waits.
 """
 
 from __future__ import annotations
@@ -20,7 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CLOCK_EVERY", "Deadline"]
+from trailmark.jit import njit
+
+__all__ = ["CLOCK_EVERY", "Deadline", "over"]
 
 CLOCK_EVERY = 32
 """Nodes that a search takes between two looks at its deadline."""
@@ -29,7 +30,7 @@ CLOCK_EVERY = 32
 LONGEST_LOOK = 0.5
 """Seconds after which the thread looks whether anybody still waits for a deadline."""
 
-Entry = tuple[float, int, "weakref.ref[NDArray[np.bool_]]"]
+Entry = tuple[float, int, "weakref.ref[NDArray[np.int64]]"]
 """When, in which order, and what is set."""
 
 
@@ -37,18 +38,29 @@ class Deadline(NamedTuple):
     """When to end.
 
     Attributes:
-        passed: (1,), whether the time is over.
+        shown: (2,), whether the time is over, and how often a kernel looked.
+        beside: 1, where looks are counted.
     """
 
-    passed: NDArray[np.bool_]
+    shown: NDArray[np.int64]
+    beside: int
 
     @classmethod
     def after(cls, seconds: float) -> Deadline:
         """Return the deadline that is so many seconds from now; they may be infinite."""
-        passed = np.array([seconds <= 0.0])
+        shown = np.array([seconds <= 0.0, 0], np.int64)
         if 0.0 < seconds < math.inf:
-            _watch.add(perf_counter() + seconds, passed)
-        return cls(passed)
+            _watch.add(perf_counter() + seconds, shown)
+        return cls(shown, 1)
+
+
+@njit
+def over(deadline: Deadline) -> bool:
+    """Return whether a deadline has passed."""
+    # What is written to a place that is known only when it runs may be what is read next: the compiler must not take
+    # it that nobody else writes there, and read it once.
+    deadline.shown[deadline.beside] += 1
+    return bool(deadline.shown[0] != 0)
 
 
 class _Watch:
@@ -62,9 +74,9 @@ class _Watch:
         self._numbers = count()
         self._thread: threading.Thread | None = None
 
-    def add(self, time: float, passed: NDArray[np.bool_]) -> None:
+    def add(self, time: float, shown: NDArray[np.int64]) -> None:
         """Set an array at a time, as ``time.perf_counter`` reads it, if it is there then."""
-        self._new.put((time, next(self._numbers), weakref.ref(passed)))
+        self._new.put((time, next(self._numbers), weakref.ref(shown)))
         if self._thread is None:  # where two are started, either takes some
             self._thread = threading.Thread(target=self._run, name="trailmark deadlines", daemon=True)
             self._thread.start()
@@ -77,10 +89,10 @@ class _Watch:
                 heapq.heappush(waiting, self._new.get(timeout=max(0.0, min(left, LONGEST_LOOK))))
                 continue
             while waiting and waiting[0][0] <= perf_counter():
-                passed = heapq.heappop(waiting)[2]()
-                if passed is not None:
-                    passed[0] = True
-                    del passed
+                shown = heapq.heappop(waiting)[2]()
+                if shown is not None:
+                    shown[0] = 1
+                    del shown
             waiting = [entry for entry in waiting if entry[2]() is not None]
             heapq.heapify(waiting)
             if not waiting:

@@ -21,7 +21,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from time import perf_counter
 from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
@@ -141,13 +141,17 @@ else:
         """Compile a kernel that Python calls, at its first call; takes the options of numba's ``njit``."""
         if function is None:
             return lambda function: njit(function, **options)
-        folder = kernel_folder()
-        with _deciding:
-            before, numba.config.CACHE_DIR = getattr(numba.config, "CACHE_DIR", ""), str(folder or "")
-            try:
-                return numba.njit(cache=folder is not None, no_cfunc_wrapper=True, **options)(function)
-            finally:
-                numba.config.CACHE_DIR = before
+        folder, kernel = kernel_folder(), partial(numba.njit, no_cfunc_wrapper=True, **options)
+        if folder is not None:
+            with _deciding:
+                before, numba.config.CACHE_DIR = getattr(numba.config, "CACHE_DIR", ""), str(folder)
+                try:
+                    return kernel(cache=True)(function)
+                except RuntimeError:  # the function is of no file, or the folder has gone
+                    pass
+                finally:
+                    numba.config.CACHE_DIR = before
+        return kernel()(function)
 
     def callee(function):
         """Compile a kernel that only kernels call: nothing is made for calls from Python, which end the process."""

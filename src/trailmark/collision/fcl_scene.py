@@ -173,7 +173,8 @@ def _meeting(boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: flo
     for i in range(len(found)):
         left, low, right, high = boxes[:, found[i]]
         apart[i] = max(left - xmax, xmin - right, low - ymax, ymin - high)
-    return found[order_of(apart)]
+    ordered: NDArray[np.int64] = found[order_of(apart)]
+    return ordered
 
 
 def _overlap(a: Any, b: Any) -> bool:

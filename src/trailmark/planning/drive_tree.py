@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET, curve_motion
 from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.curves.shortest import MAX_WORDS, all_words
@@ -240,7 +240,7 @@ def grow(
                         best, best_node, best_target = beyond + price, at, t
                         best_word[:] = words[k]
         expanded += 1
-        if expanded % CLOCK_EVERY == 0 and deadline.passed[0]:
+        if expanded % CLOCK_EVERY == 0 and over(deadline):
             break
         for side in (0.0, 1.0, -1.0):
             for direction in (1.0, -1.0):

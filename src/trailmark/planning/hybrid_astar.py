@@ -82,7 +82,7 @@ def hybrid_astar(
     guide, starts = _guide(relaxation, costs), np.array(sources, order="C")
     while True:
         tree = Tree(*grow(kind, zones, guide, starts, reverse, step, 0.5 * step, NO_TARGETS, np.inf, most, deadline))
-        if len(tree.q) >= m + most or step <= FINEST * kind.radius or deadline.passed[0]:
+        if len(tree.q) >= m + most or step <= FINEST * kind.radius or deadline.shown[0]:
             break
         # All cells that these drives lead to are entered: smaller ones may lead farther.
         step *= 0.5

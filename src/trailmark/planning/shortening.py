@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import Deadline
+from trailmark.clock import Deadline, over
 from trailmark.collision.kernels import FREE, state
 from trailmark.heading import turn, wrapped
 from trailmark.jit import callee, njit
@@ -108,14 +108,14 @@ def _sweep(
     scratch = new_scratch(kind)
     costs = _costs(kind, scratch, path)
     for _ in range(10 + 2 * len(path)):
-        if deadline.passed[0]:
+        if over(deadline):
             return path, scale, _whole(kind, scratch, path, costs)
         path, costs = _shortcut(kind, scratch, path, costs, seed)
     # It takes what it knows of the costs by the turns alone, so that they are computed anew below.
     turn_evenly(kind, scratch, path, costs, seed)
     path = without_needless(kind, path, EFFORT)
     costs = _costs(kind, scratch, path)
-    if deadline.passed[0]:
+    if over(deadline):
         return path, scale, _whole(kind, scratch, path, costs)
     if splitting and not obeys_triangle(kind):
         path = halved(kind, scratch, path, costs)
@@ -127,7 +127,7 @@ def _sweep(
     for _ in range(3):
         moved += _move(kind, scratch, path, costs, seed, scale, deadline)
     scale *= 1.2 if 4 * moved > len(path) else 0.6
-    if deadline.passed[0]:
+    if over(deadline):
         return path, scale, _whole(kind, scratch, path, costs)
     path = without_needless(kind, path, EFFORT)
     return path, scale, _whole(kind, scratch, path, _costs(kind, scratch, path))
@@ -283,7 +283,7 @@ def _move(
     """Move every inner vertex, in place, towards the motion between its neighbours or at random; count what helped."""
     moved, q = 0, np.empty(3)
     for i in range(1, len(path) - 1):
-        if deadline.passed[0]:
+        if over(deadline):
             break
         a, b = path[i - 1], path[i + 1]
         before, extra = costs[i - 1] + costs[i], extra_along(kind, scratch, path, i - 2, i + 2)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
@@ -259,7 +259,7 @@ def lazy_shortest_path(
     end, total, expanded, steps = -1, limit, 0, 0
     while size > 0 and expanded < budget:
         steps += 1
-        if steps % CLOCK_EVERY == 0 and deadline.passed[0]:
+        if steps % CLOCK_EVERY == 0 and over(deadline):
             break
         size = heap_pop(keys, values, size)
         entry = values[size]

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from trailmark.clock import CLOCK_EVERY, Deadline
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import FREE, state
@@ -184,7 +184,7 @@ def _search(
         if table.known[entry] & DONE or table.move[entry] == 0:
             continue
         expanded += 1
-        if expanded % CLOCK_EVERY == 0 and deadline.passed[0]:
+        if expanded % CLOCK_EVERY == 0 and over(deadline):
             break
         table.known[entry] |= DONE
         _configuration_of(nodes, table, node, q)

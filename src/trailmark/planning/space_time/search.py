@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import FREE, state
 from trailmark.heap import heap_pop, heap_push
@@ -74,7 +74,7 @@ def search(
     q[0], parents[0], layers[0], bends[0] = start, -1, 0, last
     count, size, best, best_rank = 1, heap_push(keys, heap, 0, 0.0, 0), 0, -np.inf
     for expanded in range(max_nodes):
-        if size == 0 or (expanded % CLOCK_EVERY == CLOCK_EVERY - 1 and deadline.passed[0]):
+        if size == 0 or (expanded % CLOCK_EVERY == CLOCK_EVERY - 1 and over(deadline)):
             break
         size = heap_pop(keys, heap, size)
         node = heap[size]
