@@ -1,6 +1,7 @@
 """Deadlines that compiled searches look at, so that they end in time by themselves.
 
-A kernel reads no clock: it looks at an array, which a thread writes to once the time is over. Kernels that are given a deadline release the interpreter's lock, or the thread waits.
+A kernel reads no clock: it looks at an array, which a thread writes to once the time is over. Kernels that are given a
+deadline release the interpreter's lock, or the thread waits.
 """
 
 from __future__ import annotations
