@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import njit
 
 __all__ = ["heap_grow", "heap_pop", "heap_push"]
 
 
-@njit(cache=True)
+@njit
 def heap_push(keys: NDArray[np.float64], values: NDArray[np.int64], size: int, key: float, value: int) -> int:
     """Add an entry to a heap of ``size`` entries with room for one more; return the new size."""
     i = size
@@ -24,7 +24,7 @@ def heap_push(keys: NDArray[np.float64], values: NDArray[np.int64], size: int, k
     return size + 1
 
 
-@njit(cache=True)
+@njit
 def heap_pop(keys: NDArray[np.float64], values: NDArray[np.int64], size: int) -> int:
     """Move the smallest entry to position size - 1, out of the heap; return the new size."""
     size -= 1
@@ -46,7 +46,7 @@ def heap_pop(keys: NDArray[np.float64], values: NDArray[np.int64], size: int) ->
     return size
 
 
-@njit(cache=True)
+@njit
 def heap_grow(keys: NDArray[np.float64], values: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return copies of both arrays of twice the length."""
     more_keys, more_values = np.empty(2 * len(keys)), np.empty(2 * len(values), np.int64)

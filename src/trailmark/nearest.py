@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 
 __all__ = ["Forest", "NearestNeighbours", "near_to_near", "nearest_in", "nearest_to", "room_for"]
 
@@ -130,14 +130,14 @@ def room_for(array: NDArray[Element], n: int) -> NDArray[Element]:
     return larger
 
 
-@njit(cache=True, nogil=True)
+@callee
 def _swap(points: FloatArray, ids: NDArray[np.int64], i: int, j: int) -> None:
     for d in range(points.shape[1]):
         points[i, d], points[j, d] = points[j, d], points[i, d]
     ids[i], ids[j] = ids[j], ids[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _sort(points: FloatArray, ids: NDArray[np.int64], axis: NDArray[np.int8], low: int, high: int) -> None:
     """Put the rows from low to high into the order of a tree."""
     dimension = points.shape[1]
@@ -183,7 +183,7 @@ def _sort(points: FloatArray, ids: NDArray[np.int64], axis: NDArray[np.int8], lo
         size += 2
 
 
-@njit(cache=True, nogil=True)
+@callee
 def _offer(distances: FloatArray, ids: NDArray[np.int64], count: int, k: int, distance: float, number: int) -> int:
     """Put a point into the sorted rows of the k best; return how many there are."""
     if count == k:
@@ -199,7 +199,7 @@ def _offer(distances: FloatArray, ids: NDArray[np.int64], count: int, k: int, di
     return count + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def nearest_in(
     forest: Forest, point: FloatArray, own: int, k: int, distances: FloatArray, ids: NDArray[np.int64]
 ) -> int:
@@ -267,7 +267,7 @@ def nearest_in(
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _nearest_of(forest: Forest, points: FloatArray, k: int, first: int) -> NDArray[np.int64]:
     result = np.full((len(points), k), -1, np.int64)
     distances, ids = np.empty(k), np.empty(k, np.int64)

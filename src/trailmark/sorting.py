@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.heap import heap_pop, heap_push
+from trailmark.jit import njit
 
 __all__ = ["order_of", "sort_in_place"]
 
 
-@njit(cache=True)
+@njit
 def sort_in_place(values: NDArray[np.float64], count: int) -> None:
     """Sort the first ``count`` values, shape (n,), none NaN, smallest first (Shell 1959, Knuth's gaps)."""
     gap = 1
@@ -27,7 +27,7 @@ def sort_in_place(values: NDArray[np.float64], count: int) -> None:
         gap //= 3
 
 
-@njit(cache=True)
+@njit
 def order_of(keys: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the indices of the keys, smallest key first, shape (n,); equal keys in any order, none of them NaN."""
     heap, order, size = np.empty(len(keys)), np.empty(len(keys), np.int64), 0

@@ -11,7 +11,7 @@ from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["CORNER_FACTOR", "STEP_X", "STEP_Y", "UNSURE_FACTOR", "cell_clearance", "fill_clearance", "grid_costs"]
@@ -27,7 +27,7 @@ STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1])
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1])
 
 
-@njit(cache=True)
+@callee
 def cell_clearance(grid: ObstacleGrid, field: ClearanceField, x: float, y: float, size: float, radius: float) -> float:
     """Return the clearance of a point, exact up to the radius, by the field beyond it; in an obstacle minus its depth.
 
@@ -43,7 +43,7 @@ def cell_clearance(grid: ObstacleGrid, field: ClearanceField, x: float, y: float
     return value
 
 
-@njit(cache=True)
+@njit
 def fill_clearance(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -63,13 +63,13 @@ def fill_clearance(
             clearance[row, column] = cell_clearance(grid, field, x, y, size, radius)
 
 
-@njit(cache=True)
+@callee
 def _straight_distance(target: int, goal_row: int, goal_column: int, row: int, column: int) -> float:
     """Return the straight distance to the target, in cells; 0 without a target."""
     return hypot(row - goal_row, column - goal_column) if target >= 0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def grid_costs(
     grid: ObstacleGrid,
     field: ClearanceField,

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from math import ceil, cos, floor, hypot, pi, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline, now
-from trailmark.collision.certify import curve_motion
+from trailmark.clock import CLOCK_EVERY, Deadline, over
+from trailmark.collision.certify import BUDGET, curve_motion
 from trailmark.collision.kernels import FREE, state, workspace
-from trailmark.compiled import njit
 from trailmark.curves.shortest import MAX_WORDS, all_words
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.motion.curve import Curve, word_extra
 from trailmark.motion.one_way import OneWays, curve_allowed
 from trailmark.se2 import FloatArray
@@ -88,7 +88,7 @@ class Tree(NamedTuple):
     word: FloatArray
 
 
-@njit(cache=True)
+@callee
 def _slot(table: NDArray[np.int64], key: int) -> int:
     """Return where a key is, or belongs, in a hash table of keys; -1 is no key."""
     mask = len(table) - 1
@@ -98,7 +98,7 @@ def _slot(table: NDArray[np.int64], key: int) -> int:
     return at
 
 
-@njit(cache=True)
+@callee
 def _cost_at(guide: Guide, q: FloatArray) -> float:
     """Return the relaxed cost at the inscribed disc's centre; infinite outside of the grid."""
     c, s, (cx, cy) = cos(q[2]), sin(q[2]), guide.center
@@ -109,7 +109,7 @@ def _cost_at(guide: Guide, q: FloatArray) -> float:
     return np.inf
 
 
-@njit(cache=True)
+@callee
 def _cell_of(q: FloatArray, guide: Guide, cell: float, columns: int, headings: int, layer: int) -> int:
     """Return the number of a configuration's cell, and of the direction in which it is reached."""
     column, row = floor((q[0] - guide.x0) / cell), floor((q[1] - guide.y0) / cell)
@@ -117,7 +117,7 @@ def _cell_of(q: FloatArray, guide: Guide, cell: float, columns: int, headings: i
     return int((((row * columns + column) * headings + heading) * 2 + layer) & 0x7FFFFFFFFFFF)
 
 
-@njit(cache=True)
+@callee
 def _free(
     kind: Curve,
     zones: OneWays,
@@ -133,10 +133,12 @@ def _free(
         allowed = curve_allowed(zones, q, word, kind.radius)
     else:
         allowed = curve_allowed(zones, end, reversed_word(word), kind.radius)
-    return allowed and curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius) == FREE
+    if not allowed:
+        return False
+    return bool(curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius, BUDGET) == FREE)
 
 
-@njit(cache=True)
+@callee
 def _word_to(
     kind: Curve,
     zones: OneWays,
@@ -175,7 +177,7 @@ def _word_to(
     return np.inf, -1
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def grow(
     kind: Curve,
     zones: OneWays,
@@ -188,8 +190,8 @@ def grow(
     limit: float,
     most: int,
     deadline: Deadline,
-) -> Tree:
-    """Return the tree of drives; the arguments are those of :func:`drive_to`."""
+) -> tuple[Any, ...]:
+    """Return the fields of the :class:`Tree` of drives; the arguments are those of :func:`drive_to`."""
     m, radius, sign = len(sources), kind.radius, -1.0 if reverse else 1.0
     capacity = m + most
     q, to_go = np.empty((capacity, 3)), np.full(capacity, np.inf)
@@ -238,7 +240,7 @@ def grow(
                         best, best_node, best_target = beyond + price, at, t
                         best_word[:] = words[k]
         expanded += 1
-        if expanded % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if expanded % CLOCK_EVERY == 0 and over(deadline):
             break
         for side in (0.0, 1.0, -1.0):
             for direction in (1.0, -1.0):
@@ -269,4 +271,4 @@ def grow(
                             n += 1
                         break
                     way *= 0.5
-    return Tree(q[:n], parents[:n], controls[:n], to_go[:n], best_node, best_target, best_word)
+    return (q[:n], parents[:n], controls[:n], to_go[:n], best_node, best_target, best_word)

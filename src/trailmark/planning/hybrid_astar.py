@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.clock import Deadline, now
+from trailmark.clock import Deadline
 from trailmark.curves.shortest import curve_states
 from trailmark.landmarks.kmeans import lloyd
 from trailmark.landmarks.relaxation import CostMap, Relaxation
@@ -81,8 +81,8 @@ def hybrid_astar(
     (kind, zones), deadline, m = _curves(motions), Deadline.after(seconds), len(sources)
     guide, starts = _guide(relaxation, costs), np.array(sources, order="C")
     while True:
-        tree = grow(kind, zones, guide, starts, reverse, step, 0.5 * step, NO_TARGETS, np.inf, most, deadline)
-        if len(tree.q) >= m + most or step <= FINEST * kind.radius or now(deadline.kind) >= deadline.seconds:
+        tree = Tree(*grow(kind, zones, guide, starts, reverse, step, 0.5 * step, NO_TARGETS, np.inf, most, deadline))
+        if len(tree.q) >= m + most or step <= FINEST * kind.radius or deadline.shown[0]:
             break
         # All cells that these drives lead to are entered: smaller ones may lead farther.
         step *= 0.5
@@ -128,7 +128,7 @@ def drive_to(
         certified anew: they are the drives but for rounding.
     """
     (kind, zones), guide, sources = _curves(motions), _guide(relaxation, costs), np.array(source[None], order="C")
-    tree = grow(kind, zones, guide, sources, reverse, step, cell, targets, limit, most, Deadline.after(seconds))
+    tree = Tree(*grow(kind, zones, guide, sources, reverse, step, cell, targets, limit, most, Deadline.after(seconds)))
     if tree.node < 0:
         return np.empty((0, 3)), -1
     driven = _joined(tree, np.array([tree.node] if tree.node else [], np.int64), 1, kind.radius).configurations

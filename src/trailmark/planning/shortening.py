@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import Deadline, now
+from trailmark.clock import Deadline, over
 from trailmark.collision.kernels import FREE, state
-from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import turn, wrapped
+from trailmark.jit import callee, njit
 from trailmark.motion import Motion
 from trailmark.motion.base import (
     Scratch,
@@ -35,10 +35,11 @@ from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
 from trailmark.se2 import FloatArray
+from trailmark.variants import by_type, variant_of
 
 __all__ = ["EFFORT", "GAIN", "halved", "propose", "shorten", "split", "uniform", "without_needless"]
 
-EFFORT = 500
+EFFORT: Any = np.int64(500)
 """Configurations evaluated for one motion at most: one that needs more grazes something; another is sooner tried."""
 
 
@@ -81,7 +82,7 @@ def shorten(
     return path
 
 
-@njit(cache=True)
+@callee
 def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
     """Return the costs of a path's motions, shape (n - 1,), metres."""
     result = np.empty(len(path) - 1)
@@ -90,13 +91,13 @@ def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
     return result
 
 
-@njit(cache=True)
+@callee
 def _whole(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> float:
     """Return a path's cost, in metres: that of its motions, and what a car is charged beyond it."""
     return float(costs.sum() + extra_along(kind, scratch, path, 0, len(costs)))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _sweep(
     kind: Any, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool, deadline: Deadline
 ) -> tuple[FloatArray, float, float]:
@@ -107,14 +108,14 @@ def _sweep(
     scratch = new_scratch(kind)
     costs = _costs(kind, scratch, path)
     for _ in range(10 + 2 * len(path)):
-        if now(deadline.kind) >= deadline.seconds:
+        if over(deadline):
             return path, scale, _whole(kind, scratch, path, costs)
         path, costs = _shortcut(kind, scratch, path, costs, seed)
     # It takes what it knows of the costs by the turns alone, so that they are computed anew below.
     turn_evenly(kind, scratch, path, costs, seed)
     path = without_needless(kind, path, EFFORT)
     costs = _costs(kind, scratch, path)
-    if now(deadline.kind) >= deadline.seconds:
+    if over(deadline):
         return path, scale, _whole(kind, scratch, path, costs)
     if splitting and not obeys_triangle(kind):
         path = halved(kind, scratch, path, costs)
@@ -126,13 +127,13 @@ def _sweep(
     for _ in range(3):
         moved += _move(kind, scratch, path, costs, seed, scale, deadline)
     scale *= 1.2 if 4 * moved > len(path) else 0.6
-    if now(deadline.kind) >= deadline.seconds:
+    if over(deadline):
         return path, scale, _whole(kind, scratch, path, costs)
     path = without_needless(kind, path, EFFORT)
     return path, scale, _whole(kind, scratch, path, _costs(kind, scratch, path))
 
 
-@njit(cache=True)
+@callee
 def _locate(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
 ) -> tuple[int, float]:
@@ -154,7 +155,7 @@ def _locate(
     return i, place
 
 
-@njit(cache=True)
+@callee
 def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[float, float]:
     """Return two places along a path: at all scales alike, from the whole path down to one motion's length."""
     span = total * 2.0 ** (-uniform(seed) * log2(2.0 * pieces + 2.0))
@@ -162,7 +163,7 @@ def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[f
     return max(0.0, low), min(total, low + span)
 
 
-@njit(cache=True)
+@callee
 def _shortcut(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> tuple[FloatArray, FloatArray]:
@@ -201,7 +202,7 @@ def _shortcut(
     return fresh, after
 
 
-@njit(cache=True)
+@callee
 def _joined(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, limit: float) -> FloatArray:
     """Return the ends of a certified motion from a to b that costs less than ``limit``, shape (2, 3), or none."""
     states = np.empty((2, 3))
@@ -221,13 +222,13 @@ def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray
 @variant_of(turn_evenly, Translation)
 @variant_of(turn_evenly, Curve)
 @variant_of(turn_evenly, Differential)
-@njit(cache=True)
+@callee
 def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
     """Leave the headings: a disc has none, a car's follow from its curves, and others from where they drive."""
 
 
 @variant_of(turn_evenly, Weighted)
-@njit(cache=True)
+@callee
 def _turn_weighted(
     kind: Weighted, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> None:
@@ -235,7 +236,7 @@ def _turn_weighted(
 
 
 @variant_of(turn_evenly, Straight)
-@njit(cache=True)
+@callee
 def _turn_evenly(
     kind: Straight, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> None:
@@ -269,7 +270,7 @@ def _turn_evenly(
                 costs[k] = cost(kind, scratch, path[k], path[k + 1])
 
 
-@njit(cache=True)
+@callee
 def _move(
     kind: Any,
     scratch: Scratch,
@@ -282,7 +283,7 @@ def _move(
     """Move every inner vertex, in place, towards the motion between its neighbours or at random; count what helped."""
     moved, q = 0, np.empty(3)
     for i in range(1, len(path) - 1):
-        if now(deadline.kind) >= deadline.seconds:
+        if over(deadline):
             break
         a, b = path[i - 1], path[i + 1]
         before, extra = costs[i - 1] + costs[i], extra_along(kind, scratch, path, i - 2, i + 2)
@@ -320,7 +321,7 @@ GAIN = 1e-7
 """Metres that a change must save at least."""
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
     """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
 
@@ -359,7 +360,7 @@ def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
     return path[kept]
 
 
-@njit(cache=True)
+@callee
 def _rise(kind: Any, scratch: Scratch, path: FloatArray, rows: tuple[int, int, int, int, int]) -> float:
     """Return what a path costs more, in metres, without the third of five vertices that follow one another."""
     window = np.empty((5, 3))
@@ -377,7 +378,7 @@ SHORT = 0.02
 """Share of a path's cost up to which a motion is not halved."""
 
 
-@njit(cache=True)
+@callee
 def uniform(seed: NDArray[np.uint64]) -> float:
     """Return a number in [0, 1) and advance the seed (xorshift64*: Vigna 2016)."""
     s = seed[0]
@@ -418,7 +419,7 @@ def propose(
 
 @variant_of(propose, Straight)
 @variant_of(propose, Translation)
-@njit(cache=True)
+@callee
 def _propose_straight(
     kind: Any,
     scratch: Scratch,
@@ -448,7 +449,7 @@ def _propose_straight(
 
 
 @variant_of(propose, Curve)
-@njit(cache=True)
+@callee
 def _propose_curve(
     kind: Curve,
     scratch: Scratch,
@@ -477,7 +478,7 @@ def _propose_curve(
 
 
 @variant_of(propose, Weighted)
-@njit(cache=True)
+@callee
 def _propose_weighted(
     kind: Weighted,
     scratch: Scratch,
@@ -503,7 +504,7 @@ def _propose_weighted(
 
 
 @variant_of(propose, Differential)
-@njit(cache=True)
+@callee
 def _propose_differential(
     kind: Differential,
     scratch: Scratch,
@@ -536,18 +537,18 @@ def has_heading(kind: Any) -> bool:
 
 
 @variant_of(has_heading, Straight)
-@njit(cache=True)
+@callee
 def _heading(kind: Straight) -> bool:
     return True
 
 
 @variant_of(has_heading, Translation)
-@njit(cache=True)
+@callee
 def _no_heading(kind: Translation) -> bool:
     return False
 
 
-@njit(cache=True)
+@callee
 def split(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
 ) -> FloatArray:
@@ -564,7 +565,7 @@ def split(
     return result
 
 
-@njit(cache=True)
+@callee
 def halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
     """Return the path with a vertex in the middle of every longer motion: what is cheapest need not be straight."""
     longer = costs > SHORT * costs.sum()

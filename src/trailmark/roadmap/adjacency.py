@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.kernels import FREE
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.nearest import room_for
 
 __all__ = ["Rows", "find_edges", "link", "new_pairs", "root_of", "unite"]
@@ -51,7 +51,7 @@ class Rows:
         self._count = last
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def link(
     outgoing: NDArray[np.int64],
     incoming: NDArray[np.int64],
@@ -76,7 +76,7 @@ def link(
         incoming[b] = 2 * edge + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def find_edges(
     newest: NDArray[np.int64], older: NDArray[np.int64], edges: NDArray[np.int32], pairs: NDArray[np.int64]
 ) -> NDArray[np.int64]:
@@ -92,7 +92,7 @@ def find_edges(
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def new_pairs(found: NDArray[np.int64], first: int) -> NDArray[np.int64]:
     """Return the pairs of new nodes and their neighbours, smaller number first, none twice; shape (p, 2).
 
@@ -115,7 +115,7 @@ def new_pairs(found: NDArray[np.int64], first: int) -> NDArray[np.int64]:
     return pairs[:count]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def root_of(parents: NDArray[np.int64], node: int) -> int:
     """Return the node that represents a node's component, halving the path to it (union-find: Tarjan 1975)."""
     while parents[node] != node:
@@ -124,7 +124,7 @@ def root_of(parents: NDArray[np.int64], node: int) -> int:
     return node
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def unite(parents: NDArray[np.int64], edges: NDArray[np.int32], status: NDArray[np.uint8], first: int) -> None:
     """Unite the components that the free edges from ``first`` on join.
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.certify import BUDGET
-from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.motion.base import certified, cost, least_cost, new_scratch, obeys_triangle
 from trailmark.nearest import Forest
 from trailmark.roadmap.insertion import JOINED, joinable_nodes
@@ -28,6 +28,10 @@ __all__ = ["COLUMNS", "alt_path", "alt_search", "node_table"]
 
 ACTIVE = 4
 """Reference nodes that one query uses: those with the largest bounds for its start."""
+
+AHEAD: Any = np.bool_(False)
+BACK: Any = np.bool_(True)
+"""Whether motions lead to an end; of numpy's type, as :data:`trailmark.collision.certify.BUDGET`."""
 
 GROWTH = 4
 """How many times as many nodes near an end are tried when the ends could not be joined to one component."""
@@ -42,7 +46,7 @@ FLOATS = 16
 BEST, TO_GO, LAST, PARENT, SEEN, NUMBER, COLUMNS = 0, 1, 2, 3, 4, 5, 8
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def alt_path(
     kind: Any,
     configurations: FloatArray,
@@ -83,8 +87,8 @@ def alt_path(
         return direct
     k, enough = neighbours, JOINED
     while True:
-        first = joinable_nodes(kind, configurations, forest, start, k, enough, False)
-        last = joinable_nodes(kind, configurations, forest, goal, k, enough, True)
+        first = joinable_nodes(kind, configurations, forest, start, k, enough, AHEAD)
+        last = joinable_nodes(kind, configurations, forest, goal, k, enough, BACK)
         together = False
         for i in first:
             for j in last:
@@ -99,7 +103,7 @@ def alt_path(
         k, enough = min(max_neighbours, GROWTH * k), max_neighbours
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def alt_search(
     kind: Any,
     configurations: FloatArray,
@@ -191,7 +195,7 @@ def alt_search(
     return states
 
 
-@njit(cache=True, nogil=True)
+@callee
 def _within(discs: FloatArray, q: FloatArray) -> bool:
     """Return whether a configuration lies in one of the discs (x, y, radius)."""
     for k in range(len(discs)):  # noqa: SIM110  # numba has no any() over a generator
@@ -200,7 +204,7 @@ def _within(discs: FloatArray, q: FloatArray) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@callee
 def _active_references(
     kind: Any,
     configurations: FloatArray,
@@ -236,7 +240,7 @@ def _active_references(
     return active[:found], low, high
 
 
-@njit(cache=True, nogil=True)
+@callee
 def _bound(
     kind: Any,
     table: NDArray[np.float32],

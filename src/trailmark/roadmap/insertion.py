@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision.certify import BUDGET
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.motion.base import certified, embedding_radius, new_scratch
 from trailmark.nearest import Forest, nearest_in
 from trailmark.roadmap.adjacency import find_edges, new_pairs
@@ -114,11 +114,14 @@ def _cheapest(
 
 # --- Joining: which nodes of a roadmap a configuration is joined to by certified motions.
 
-JOINED = 3
-"""Nodes that an end of a query is joined to."""
+JOINED: Any = np.int64(3)
+"""Nodes that an end of a query is joined to; of numpy's type, as :data:`trailmark.collision.certify.BUDGET`."""
+
+NOBODY: Any = np.int64(-1)
+"""In place of a node's own number, where there is none."""
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def joinable_nodes(
     kind: Any,
     configurations: FloatArray,
@@ -142,7 +145,7 @@ def joinable_nodes(
     radius = embedding_radius(kind)
     point = np.array([q[0], q[1], radius * cos(q[2]), radius * sin(q[2])])
     distances, ids = np.empty(k), np.empty(k, np.int64)
-    count = nearest_in(forest, point, -1, k, distances, ids)
+    count = nearest_in(forest, point, NOBODY, k, distances, ids)
     scratch, found = new_scratch(kind), 0
     for i in range(count):
         node = configurations[ids[i]]

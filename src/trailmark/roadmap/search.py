@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline, now
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
-from trailmark.compiled import njit
 from trailmark.errors import ConfigurationError
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.motion.base import certified, charged, extra, new_scratch
 from trailmark.roadmap.adjacency import root_of
 from trailmark.roadmap.insertion import JOINED, joinable_nodes
@@ -195,7 +195,7 @@ def without_repetitions(states: FloatArray) -> FloatArray:
     return states[np.append(True, (states[1:] != states[:-1]).any(axis=1))] if len(states) else states
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def lazy_shortest_path(
     kind: Any,
     configurations: FloatArray,
@@ -259,7 +259,7 @@ def lazy_shortest_path(
     end, total, expanded, steps = -1, limit, 0, 0
     while size > 0 and expanded < budget:
         steps += 1
-        if steps % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if steps % CLOCK_EVERY == 0 and over(deadline):
             break
         size = heap_pop(keys, values, size)
         entry = values[size]
@@ -307,7 +307,7 @@ def lazy_shortest_path(
     return trace_back(parent, end), done, expanded
 
 
-@njit(cache=True, nogil=True)
+@callee
 def trace_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
     """Return the nodes of the path that the parents describe, from its first to ``end``; none if ``end`` is -1."""
     length, node = 0, end
@@ -343,13 +343,13 @@ def few_boxes(boxes: FloatArray) -> FloatArray:
     return found
 
 
-@njit(cache=True)
+@callee
 def _distance(x: float, y: float, box: FloatArray) -> float:
     """Return the distance (metres) of a point from a box xmin, ymin, xmax, ymax; 0 inside it."""
     return hypot(max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3]))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def nodes_near(q: FloatArray, reach: float, boxes: FloatArray) -> NDArray[np.bool_]:
     """Return in which configurations, shape (n, 3), the robot may touch one of the boxes, shape (n,).
 
@@ -367,7 +367,7 @@ def nodes_near(q: FloatArray, reach: float, boxes: FloatArray) -> NDArray[np.boo
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def edges_near(
     q: FloatArray,
     edges: NDArray[np.int32],

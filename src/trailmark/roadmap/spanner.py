@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["Adjacency", "adjacency_of", "components_of", "distances_from", "spanner"]
@@ -56,7 +56,7 @@ def spanner(n: int, edges: NDArray[np.int32], lengths: FloatArray, stretch: floa
     return adjacency_of(n, edges[remaining], lengths[remaining])
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _remaining(
     links: Adjacency, order: NDArray[np.int64], edges: NDArray[np.int32], lengths: FloatArray, stretch: float
 ) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["Close", "Way", "least_distance", "may_meet", "meetings"]
@@ -55,7 +55,7 @@ class Close(NamedTuple):
     edges: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def meetings(
     body: FloatArray,
     radius: float,
@@ -138,7 +138,7 @@ def meetings(
     return rows[:count]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def least_distance(
     body: FloatArray,
     radius: float,
@@ -223,7 +223,7 @@ def least_distance(
     return best, motion, share
 
 
-@njit(cache=True)
+@callee
 def _reach(body: FloatArray) -> float:
     """Return the largest distance of the edges from the reference point, metres."""
     reach = 0.0
@@ -232,7 +232,7 @@ def _reach(body: FloatArray) -> float:
     return reach
 
 
-@njit(cache=True)
+@callee
 def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, int]:
     """Return the edges of a group's runs, at the beginning of ``memory``, or of more where that is too little."""
     n = 0
@@ -246,14 +246,14 @@ def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, i
     return memory, n
 
 
-@njit(cache=True)
+@callee
 def _doubled(array: IntArray) -> IntArray:
     larger = np.empty(2 * len(array), np.int64)
     larger[: len(array)] = array
     return larger
 
 
-@njit(cache=True)
+@callee
 def _interval(
     body: FloatArray, way: Way, i: int, middle: float, half: float, placed: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
@@ -279,7 +279,7 @@ def _interval(
     return x, y, vx, vy, turn, bend
 
 
-@njit(cache=True)
+@njit
 def may_meet(
     placed: FloatArray,
     ax: float,
@@ -323,7 +323,7 @@ def may_meet(
     return False
 
 
-@njit(cache=True)
+@callee
 def _overlap(placed: FloatArray, ax: float, ay: float, bx: float, by: float, radius: float) -> float:
     """Return how far (metres) the robot's edges may move and surely still meet the edge from a to b.
 
@@ -338,7 +338,7 @@ def _overlap(placed: FloatArray, ax: float, ay: float, bx: float, by: float, rad
     return most
 
 
-@njit(cache=True)
+@callee
 def _apart(
     px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float
 ) -> tuple[float, float, float]:
@@ -356,7 +356,7 @@ def _apart(
     return gap, nx, ny
 
 
-@njit(cache=True)
+@callee
 def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, float]:
     """Return the distance of the point p from the segment from a to b, and the direction from there to p."""
     dx, dy, wx, wy = bx - ax, by - ay, px - ax, py - ay
@@ -372,7 +372,7 @@ def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -
     return (distance, wx / distance, wy / distance) if distance > 0.0 else (0.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@callee
 def _cross(px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float) -> bool:
     """Return whether the segments from p to q and from a to b cross each other."""
     first = (qx - px) * (ay - py) - (qy - py) * (ax - px)

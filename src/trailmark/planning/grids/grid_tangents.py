@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
-from trailmark.compiled import njit
 from trailmark.formats.grid import CellObstacles, cells_of
+from trailmark.jit import njit
 from trailmark.planning.grids.search import TangentSearch, lengths_to
 from trailmark.planning.grids.sight import Corners, all_fit, corners_of
 from trailmark.planning.grids.tangents import ends_of_tangent
@@ -65,7 +65,7 @@ class GridTangents:
     @cached_property
     def grid(self) -> Corners:
         """The cells and their corners."""
-        return corners_of(np.pad(self._cells.occupied, 1, constant_values=True))
+        return Corners(*corners_of(np.pad(self._cells.occupied, 1, constant_values=True)))
 
     def search(
         self,
@@ -124,7 +124,7 @@ class GridTangents:
         return np.asarray(distance_transform(self.grid.blocked, 1.0) >= self.radius / self._cell)
 
 
-@njit(cache=True)
+@njit
 def _bends(circles: FloatArray, radius: float, arc: float) -> FloatArray:
     """Return the bends (n, 2) of a path along circles (k, 3: x, y, and its side as of tangents), in cells."""
     most = 2 + int(np.ceil(np.pi / arc))

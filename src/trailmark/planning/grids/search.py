@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.heap import heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.planning.grids.sight import Corners, IntArray, fits
 from trailmark.planning.grids.tangents import from_point, successors, touching, turns_at
 from trailmark.se2 import FloatArray
@@ -186,7 +186,7 @@ class TangentSearch:
         )
 
 
-@njit(cache=True)
+@njit
 def _corners(ints: IntArray, end: int, width: int) -> IntArray:
     """Return what :meth:`TangentSearch.corners` does, by the goal's label, or -1."""
     count, label = -1, end
@@ -201,14 +201,14 @@ def _corners(ints: IntArray, end: int, width: int) -> IntArray:
     return rows
 
 
-@njit(cache=True)
+@callee
 def _place(grid: Corners, node: int) -> int:
     """Return where the arrays that have an element for each node keep that of a node."""
     width = grid.side.shape[1]
     return int(2 * grid.number[(node >> 1) // width, (node >> 1) % width] + (node & 1))
 
 
-@njit(cache=True)
+@callee
 def _left(task: Task, px: float, py: float) -> float:
     """Return what is left from a point: at least, or as the guide has it."""
     straight = hypot(task.goal[0] - px, task.goal[1] - py)
@@ -218,7 +218,7 @@ def _left(task: Task, px: float, py: float) -> float:
     return max(straight, value) if value < inf else 2.0 * straight
 
 
-@njit(cache=True)
+@callee
 def _reach(task: Task, memory: Memory, node: int, parent: int, cost: float, dx: float, dy: float, limit: float) -> None:
     """Take a way to a node down, unless one that is known is no worse; there must be memory for one more label."""
     counts, ints, floats = memory.counts, memory.ints, memory.floats
@@ -248,7 +248,7 @@ def _reach(task: Task, memory: Memory, node: int, parent: int, cost: float, dx: 
     counts[WAITING] = heap_push(memory.keys, memory.values, counts[WAITING], key, label)
 
 
-@njit(cache=True)
+@njit
 def _from_end(task: Task, memory: Memory, forward: bool, limit: float) -> int:
     """Write the ways to the goal to memory, or take those from the start down; return their number, -1 if too many."""
     point, nodes, ways = task.start if forward else task.goal, memory.nodes, memory.ways
@@ -262,7 +262,7 @@ def _from_end(task: Task, memory: Memory, forward: bool, limit: float) -> int:
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _search(task: Task, memory: Memory, limit: float, upto: int) -> tuple[int, int, float]:
     """Return how the search ends, the goal's label if it is found, and the least key that is waiting, or was last."""
     counts, ints, floats, ways = memory.counts, memory.ints, memory.floats, memory.ways
@@ -321,7 +321,7 @@ _STEP_X = np.array([1, 0, -1, 0, 1, -1, -1, 1])
 _STEP_Y = np.array([0, 1, 0, -1, 1, 1, -1, -1])
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def lengths_to(open_: NDArray[np.bool_], goal: int, start: int) -> NDArray[np.float32]:
     """Return the lengths (cells) from cells to the goal's by steps to eight neighbours, none past a closed cell.
 

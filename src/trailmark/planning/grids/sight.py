@@ -8,12 +8,12 @@ turn.
 from __future__ import annotations
 
 from math import ceil, floor, hypot, inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["Corners", "all_fit", "corners_of", "fits", "seen"]
@@ -48,9 +48,9 @@ class Corners(NamedTuple):
     next_left: Int32Array
 
 
-@njit(cache=True, nogil=True)
-def corners_of(blocked: NDArray[np.bool_]) -> Corners:
-    """Return the corners of blocked cells, shape (rows, columns), the outermost of which are blocked."""
+@njit(nogil=True)
+def corners_of(blocked: NDArray[np.bool_]) -> tuple[Any, ...]:
+    """Return the fields of :class:`Corners` of blocked cells, shape (rows, columns), the outermost ones blocked."""
     rows, columns = blocked.shape
     right, left = np.empty((rows, columns), np.int32), np.empty((rows, columns), np.int32)
     side = np.full((rows + 1, columns + 1), -1, np.int8)
@@ -76,10 +76,10 @@ def corners_of(blocked: NDArray[np.bool_]) -> Corners:
                 next_left[row, column] = next_left[row, column - 1]
         for column in range(columns - 1, 0, -1):
             next_right[row, column] = column if side[row, column] >= 0 else next_right[row, column + 1]
-    return Corners(blocked, right, left, side, number, next_right, next_left)
+    return (blocked, right, left, side, number, next_right, next_left)
 
 
-@njit(cache=True)
+@callee
 def seen(
     grid: Corners,
     x: float,
@@ -191,7 +191,7 @@ def seen(
     return count
 
 
-@njit(cache=True)
+@njit
 def fits(grid: Corners, ax: float, ay: float, bx: float, by: float, radius: float) -> bool:
     """Return whether no blocked cell is nearer than ``radius`` to a segment, all in cells."""
     rows, columns = grid.blocked.shape
@@ -214,7 +214,7 @@ def fits(grid: Corners, ax: float, ay: float, bx: float, by: float, radius: floa
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def all_fit(grid: Corners, points: FloatArray, radius: float) -> bool:
     """Return whether no blocked cell is nearer than ``radius`` to a path over points (n, 2), all in cells."""
     for i in range(len(points) - 1):
@@ -223,7 +223,7 @@ def all_fit(grid: Corners, points: FloatArray, radius: float) -> bool:
     return True
 
 
-@njit(cache=True)
+@callee
 def _near(ax: float, ay: float, bx: float, by: float, left: float, low: float, radius: float) -> bool:
     """Return whether a segment comes nearer than ``radius`` to the unit square at (left, low)."""
     for x, y in ((ax, ay), (bx, by)):

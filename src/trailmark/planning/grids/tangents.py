@@ -16,7 +16,7 @@ from math import inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import callee
 from trailmark.planning.grids.sight import Corners, IntArray, fits, seen
 from trailmark.se2 import FloatArray
 
@@ -31,7 +31,7 @@ _BLOCKED_X = np.array([-1, 1, -1, 1])
 _BLOCKED_Y = np.array([-1, -1, 1, 1])
 
 
-@njit(cache=True)
+@callee
 def quadrant(grid: Corners, column: int, row: int, right: int) -> tuple[int, int]:
     """Return the signs of x and y of all directions in which a path passes a corner; ``right`` is 1, or 0 for left."""
     side = grid.side[row, column]
@@ -39,14 +39,14 @@ def quadrant(grid: Corners, column: int, row: int, right: int) -> tuple[int, int
     return (-by, bx) if right else (by, -bx)
 
 
-@njit(cache=True)
+@callee
 def passes(grid: Corners, column: int, row: int, right: int, dx: float, dy: float) -> bool:
     """Return whether a path in a direction may touch a corner's circle."""
     qx, qy = quadrant(grid, column, row, right)
     return dx * qx >= -AHEAD and dy * qy >= -AHEAD
 
 
-@njit(cache=True)
+@callee
 def turns_at(grid: Corners, column: int, row: int, right: int) -> tuple[float, float]:
     """Return the last direction in which a path leaves a corner that it goes all the way round."""
     qx, qy = quadrant(grid, column, row, right)
@@ -55,7 +55,7 @@ def turns_at(grid: Corners, column: int, row: int, right: int) -> tuple[float, f
     return (0.0, float(qy)) if qx * qy == turn else (float(qx), 0.0)
 
 
-@njit(cache=True)
+@callee
 def ends_of_tangent(
     ax: float, ay: float, right_a: int, bx: float, by: float, right_b: int, radius: float
 ) -> tuple[bool, float, float, float]:
@@ -83,14 +83,14 @@ def ends_of_tangent(
     return True, (length * ex - off * ey) / norm, (length * ey + off * ex) / norm, length
 
 
-@njit(cache=True)
+@callee
 def touching(x: float, y: float, right: int, dx: float, dy: float, radius: float) -> tuple[float, float]:
     """Return where a path in a direction touches a circle (or the point itself)."""
     off = 0.0 if right < 0 else -radius if right else radius
     return x + off * dy, y - off * dx
 
 
-@njit(cache=True)
+@callee
 def successors(
     grid: Corners,
     node: int,
@@ -148,7 +148,7 @@ def successors(
     return count
 
 
-@njit(cache=True)
+@callee
 def from_point(
     grid: Corners,
     x: float,

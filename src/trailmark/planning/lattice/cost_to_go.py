@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
-from trailmark.compiled import njit
 from trailmark.heading import turn
+from trailmark.jit import callee, njit
 from trailmark.motion.density import Density, densities
 from trailmark.planning.fast_marching import march
 from trailmark.planning.lattice.nodes import STEP_X, STEP_Y, TURNS, Nodes, move_cost, place, position
@@ -114,7 +114,7 @@ def _room(checker: StateChecker) -> tuple[float, float]:
     return radius, radius + ROOMY * max(checker.footprint.circumradius - radius, 0.1 * radius)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _costs(
     field: ClearanceField,
     x0: float,
@@ -142,7 +142,7 @@ def _costs(
     return _flood(dear, (row + 1) * (columns + 2) + column + 1, size * least)
 
 
-@njit(cache=True)
+@callee
 def _dear(
     field: ClearanceField,
     x0: float,
@@ -169,7 +169,7 @@ def _dear(
     return dear
 
 
-@njit(cache=True)
+@callee
 def _dear_cell(
     distance: NDArray[np.float32],
     slack: float,
@@ -201,7 +201,7 @@ def _dear_cell(
     return round(UNIT * (1.0 + tightness * lack))
 
 
-@njit(cache=True)
+@callee
 def _under(begin: float, size: float, count: int, field: ClearanceField) -> NDArray[np.int64]:
     """Return the field's rows (or columns) under the middle of each of ``count`` cells, then under its other places."""
     places = max(1, round(size / (2.0 * field.size)))
@@ -213,7 +213,7 @@ def _under(begin: float, size: float, count: int, field: ClearanceField) -> NDAr
     return found
 
 
-@njit(cache=True)
+@callee
 def _flood(dear: NDArray[np.int32], source: int, size: float) -> NDArray[np.float32]:
     """Return the costs of all cells but the border to a source, metres, by Dijkstra's algorithm.
 
@@ -302,7 +302,7 @@ class Guide(NamedTuple):
     rotation: float
 
 
-@njit(cache=True)
+@callee
 def cost_to_go(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
     """Return the cost to go from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
     _, row, column = place(node)
@@ -317,7 +317,7 @@ def cost_to_go(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
     return _guided(guide, row, column)
 
 
-@njit(cache=True)
+@callee
 def cost_of_move(nodes: Nodes, node: int, other: int, move: int, guide: Guide) -> float:
     """Return what a move from a node to another costs: a metre what it costs on the mean at its ends."""
     if move >= TURNS:
@@ -327,19 +327,19 @@ def cost_of_move(nodes: Nodes, node: int, other: int, move: int, guide: Guide) -
     return 0.5 * (_density(nodes, node, guide) + _density(nodes, other, guide)) * move_cost(nodes, move)
 
 
-@njit(cache=True)
+@callee
 def _density(nodes: Nodes, node: int, guide: Guide) -> float:
     _, row, column = place(node)
     return _cell(guide.density, guide, row, column, guide.least)
 
 
-@njit(cache=True)
+@callee
 def _guided(guide: Guide, row: int, column: int) -> float:
     """Return the cost to go from the cell of a position of the lattice."""
     return _cell(guide.cost, guide, row, column, np.inf)
 
 
-@njit(cache=True)
+@callee
 def _cell(cells: NDArray[np.float32], guide: Guide, row: int, column: int, beyond: float) -> float:
     """Return what the cell under a position of the lattice holds, ``beyond`` out of all cells: they may be fewer."""
     i, j = floor(guide.row + row * guide.step), floor(guide.column + column * guide.step)
@@ -348,7 +348,7 @@ def _cell(cells: NDArray[np.float32], guide: Guide, row: int, column: int, beyon
     return beyond
 
 
-@njit(cache=True)
+@callee
 def best_multi_step(nodes: Nodes, node: int, direction: int, multi_steps: int, guide: Guide) -> int:
     """Return the move of more than one step in a direction that promises most, -1 if there is none."""
     _, row, column = place(node)
@@ -370,7 +370,7 @@ def best_multi_step(nodes: Nodes, node: int, direction: int, multi_steps: int, g
     return best
 
 
-@njit(cache=True)
+@callee
 def near_goal(nodes: Nodes, node: int, guide: Guide, q: FloatArray, goal: FloatArray) -> bool:
     """Return whether a node lies so near to the goal that a motion there may be expected."""
     x, y = position(nodes, node)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.compiled import njit
+from trailmark.jit import callee
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray, wrap
 
 __all__ = [
@@ -104,20 +104,20 @@ class Nodes(NamedTuple):
         return self.below << BITS | self.left
 
 
-@njit(cache=True)
+@callee
 def place(node: int) -> tuple[int, int, int]:
     """Return a node's heading, row and column."""
     return node >> 2 * BITS, node >> BITS & ((1 << BITS) - 1), node & ((1 << BITS) - 1)
 
 
-@njit(cache=True)
+@callee
 def position(nodes: Nodes, node: int) -> tuple[float, float]:
     """Return where a node's disc is centred, metres."""
     _, row, column = place(node)
     return nodes.x + (column - nodes.left) * nodes.size, nodes.y + (row - nodes.below) * nodes.size
 
 
-@njit(cache=True)
+@callee
 def configuration(nodes: Nodes, node: int, q: FloatArray) -> None:
     """Write a node's configuration into q."""
     x, y = position(nodes, node)
@@ -125,7 +125,7 @@ def configuration(nodes: Nodes, node: int, q: FloatArray) -> None:
     q[0], q[1], q[2] = x + dx, y + dy, theta
 
 
-@njit(cache=True)
+@callee
 def child_of(nodes: Nodes, node: int, move: int) -> int:
     """Return the node that a move leads to, -1 out of the lattice."""
     k, row, column = place(node)
@@ -140,7 +140,7 @@ def child_of(nodes: Nodes, node: int, move: int) -> int:
     return int((k << BITS | row) << BITS | column)
 
 
-@njit(cache=True)
+@callee
 def parent_of(nodes: Nodes, node: int, move: int) -> int:
     """Return the node from which a move leads to ``node``, -1 out of the lattice."""
     if move >= TURNS:
@@ -148,7 +148,7 @@ def parent_of(nodes: Nodes, node: int, move: int) -> int:
     return int(child_of(nodes, node, (move & ~7) + ((move + 4) & 7)))
 
 
-@njit(cache=True)
+@callee
 def move_cost(nodes: Nodes, move: int) -> float:
     """Return a move's cost, metres."""
     if move >= TURNS:
@@ -186,7 +186,7 @@ class SearchTable(NamedTuple):
     retracted: NDArray[np.float64]
 
 
-@njit(cache=True)
+@callee
 def new_table(entries: int = 1 << MIN_BITS, retracts: bool = False) -> SearchTable:
     """Return an empty table with room for a power of two of entries, and if ``retracts`` for their configurations."""
     return SearchTable(
@@ -198,7 +198,7 @@ def new_table(entries: int = 1 << MIN_BITS, retracts: bool = False) -> SearchTab
     )
 
 
-@njit(cache=True)
+@callee
 def entry_of(table: SearchTable, node: int) -> int:
     """Return a node's entry; one that is not used, where the node belongs, if it is not there."""
     mask = len(table.node) - 1
@@ -209,7 +209,7 @@ def entry_of(table: SearchTable, node: int) -> int:
     return int(entry)
 
 
-@njit(cache=True)
+@callee
 def doubled(table: SearchTable) -> SearchTable:
     """Return a table of twice the size with the same nodes."""
     larger = new_table(2 * len(table.node), len(table.retracted) > 0)

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from trailmark.clock import CLOCK_EVERY, Deadline, now
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import FREE, state
-from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.landmarks.retraction import retract
 from trailmark.motion import DifferentialMotion, Motion, WeightedMotion
 from trailmark.motion.base import Scratch, certified, new_scratch
@@ -152,7 +152,7 @@ class Lattice:
         return found, int(expanded)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _search(
     kind: Any,
     nodes: Nodes,
@@ -184,7 +184,7 @@ def _search(
         if table.known[entry] & DONE or table.move[entry] == 0:
             continue
         expanded += 1
-        if expanded % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if expanded % CLOCK_EVERY == 0 and over(deadline):
             break
         table.known[entry] |= DONE
         _configuration_of(nodes, table, node, q)
@@ -248,13 +248,13 @@ def _search(
     return _path_over(nodes, table, last, start, goal), expanded
 
 
-@njit(cache=True)
+@callee
 def _free(kind: Any, scratch: Scratch, q: FloatArray) -> bool:
     """Return whether a configuration is valid."""
     return bool(state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE)
 
 
-@njit(cache=True)
+@callee
 def _configuration_of(nodes: Nodes, table: SearchTable, node: int, q: FloatArray) -> None:
     """Write a node's configuration into q."""
     if len(table.retracted):
@@ -265,7 +265,7 @@ def _configuration_of(nodes: Nodes, table: SearchTable, node: int, q: FloatArray
     configuration(nodes, node, q)
 
 
-@njit(cache=True)
+@callee
 def _relax(table: SearchTable, node: int, cost: float, move: int) -> int:
     """Record that a move leads to a node at some cost; return the entries that takes, -1 if that is no better."""
     entry = entry_of(table, node)
@@ -278,7 +278,7 @@ def _relax(table: SearchTable, node: int, cost: float, move: int) -> int:
     return int(new)
 
 
-@njit(cache=True)
+@callee
 def _find_other_parent(
     kind: Any,
     scratch: Scratch,
@@ -315,7 +315,7 @@ def _find_other_parent(
     return False
 
 
-@njit(cache=True)
+@callee
 def _path_over(nodes: Nodes, table: SearchTable, last: int, start: FloatArray, goal: FloatArray) -> FloatArray:
     """Return the configurations from start to goal over a node."""
     length, node = 1, last

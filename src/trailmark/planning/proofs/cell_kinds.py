@@ -16,7 +16,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import field_clearance, field_value
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.planning.proofs.cells import (
     BLOCKED,
     FREE,
@@ -35,7 +35,7 @@ from trailmark.se2 import FloatArray
 __all__ = ["decided", "kind_of", "room_for_cores"]
 
 
-@njit(cache=True)
+@njit
 def room_for_cores(division: Division) -> FloatArray:
     """Return room for any core, shape (v, 2)."""
     most = 1
@@ -44,7 +44,7 @@ def room_for_cores(division: Division) -> FloatArray:
     return np.empty((most, 2))
 
 
-@njit(cache=True)
+@njit
 def kind_of(
     cells: NDArray[np.int32],
     cell: int,
@@ -79,7 +79,7 @@ def kind_of(
     return found
 
 
-@njit(cache=True)
+@callee
 def decided(
     level: int,
     finest: int,
@@ -105,7 +105,7 @@ def decided(
     return FREE if _gap(finest, enough, x, y, c, s, division, grid, robot.dilation, placed) >= enough else MIXED
 
 
-@njit(cache=True)
+@callee
 def _gap(
     level: int,
     enough: float,
@@ -132,7 +132,7 @@ def _gap(
     return gap
 
 
-@njit(cache=True)
+@callee
 def _deep(
     level: int,
     x: float,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.planning.proofs.cell_kinds import kind_of, room_for_cores
 from trailmark.planning.proofs.cells import BLOCKED, Division, neighbours
 from trailmark.planning.proofs.flood import Flood
@@ -16,7 +16,7 @@ from trailmark.planning.proofs.flood import Flood
 __all__ = ["meets"]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def meets(
     grid: ObstacleGrid,
     field: ClearanceField,

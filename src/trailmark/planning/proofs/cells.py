@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -78,7 +78,7 @@ class Division(NamedTuple):
     cores: IntArray
 
 
-@njit(cache=True)
+@njit
 def leaf_at(cells: NDArray[np.int32], division: Division, level: int, i: int, j: int, k: int) -> int:
     """Return the cell of that level and place, or the larger one that holds it if that was never split."""
     cell = (j >> level) * division.columns + (i >> level)
@@ -93,14 +93,14 @@ def leaf_at(cells: NDArray[np.int32], division: Division, level: int, i: int, j:
     return int(cell)
 
 
-@njit(cache=True)
+@callee
 def children_of(cells: NDArray[np.int32], division: Division, cell: int) -> int:
     """Return how many children a cell has, or would have."""
     level = cells[cell, LEVEL]
     return 8 if division.turns[level + 1] > division.turns[level] else 4
 
 
-@njit(cache=True)
+@njit
 def split(cells: NDArray[np.int32], division: Division, cell: int, used: int) -> int:
     """Give a cell its children, in the rows from ``used`` on; return the rows used then."""
     level, more = cells[cell, LEVEL], children_of(cells, division, cell)
@@ -115,7 +115,7 @@ def split(cells: NDArray[np.int32], division: Division, cell: int, used: int) ->
     return used + more
 
 
-@njit(cache=True)
+@njit
 def neighbours(cells: NDArray[np.int32], division: Division, cell: int, found: IntArray) -> tuple[int, IntArray]:
     """Write the undivided cells that share a part of a face with a cell; return their number, and the array.
 
@@ -168,7 +168,7 @@ def neighbours(cells: NDArray[np.int32], division: Division, cell: int, found: I
     return count, found
 
 
-@njit(cache=True)
+@callee
 def _longer(array: IntArray) -> IntArray:
     longer = np.empty(2 * len(array), np.int64)
     longer[: len(array)] = array

@@ -133,12 +133,13 @@ def enclosure(
     floods = [space.flood(), space.flood()]
     for share, finest in product(SHARES, range(space.first, min(space.first + DEPTH, LEVELS))):
         division = space.division(finest, share)
-        floods = [begin(*space.parts, division, *pair, finest) for pair in zip(floods, orders, strict=True)]
+        floods = [Flood(*begin(*space.parts, division, *pair, finest)) for pair in zip(floods, orders, strict=True)]
         answer, n = UNDER_WAY, 0
         while answer == UNDER_WAY:
             if perf_counter() >= deadline or budget <= 0 or (stop is not None and stop()):
                 return None
-            answer, taken, floods[n] = go_on(*space.parts, division, floods[n], orders[n][1], finest, SLICE)
+            answer, taken, flood = go_on(*space.parts, division, floods[n], orders[n][1], finest, SLICE)
+            floods[n] = Flood(*flood)
             budget -= taken
             if answer == ENCLOSED:
                 leads, rim, reached = meets(*space.parts, division, floods[n], finest)

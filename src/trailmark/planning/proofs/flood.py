@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.planning.proofs.cell_kinds import kind_of, room_for_cores
 from trailmark.planning.proofs.cells import (
     BLOCKED,
@@ -40,7 +40,7 @@ from trailmark.planning.proofs.cells import (
 )
 from trailmark.se2 import FloatArray
 
-__all__ = ["ENCLOSED", "JOINED", "LEAKS", "UNDER_WAY", "Flood", "begin", "go_on", "new_flood"]
+__all__ = ["ENCLOSED", "JOINED", "LEAKS", "UNDER_WAY", "Flood", "Plain", "begin", "go_on", "new_flood"]
 
 FROM, HOPS, QUEUED = COLUMNS, COLUMNS + 1, COLUMNS + 2
 """More columns of the table: the cell that the flood came from; how far it is through mixed cells from a free one, in
@@ -57,6 +57,10 @@ LAST = 1e9
 
 WEIGHT = 3.0
 """Metres nearer to the other end that a metre more of mixed cells is worth."""
+
+
+Plain = tuple[NDArray[np.int32], FloatArray, NDArray[np.int64], NDArray[np.int64]]
+"""A :class:`Flood` as Python is given it: making a named tuple runs Python, which a signal may interrupt."""
 
 
 class Flood(NamedTuple):
@@ -84,7 +88,7 @@ def new_flood(columns: int, rows: int) -> Flood:
     return Flood(cells, np.empty(1024), np.empty(1024, np.int64), np.array([base, 0, 0, 0], np.int64))
 
 
-@njit(cache=True)
+@callee
 def _roomier(flood: Flood) -> Flood:
     """Return the flood with room for the children of one more cell and for one more entry of the queue."""
     cells, keys, values = flood.cells, flood.keys, flood.values
@@ -96,7 +100,7 @@ def _roomier(flood: Flood) -> Flood:
     return Flood(cells, keys, values, flood.counts)
 
 
-@njit(cache=True)
+@callee
 def _cell_of(flood: Flood, division: Division, pose: FloatArray) -> int:
     """Return the undivided cell that a pose lies in."""
     level = LEVELS - 1
@@ -107,7 +111,7 @@ def _cell_of(flood: Flood, division: Division, pose: FloatArray) -> int:
     return leaf_at(flood.cells, division, level, i, j, k)
 
 
-@njit(cache=True)
+@callee
 def _split(flood: Flood, division: Division, cell: int) -> Flood:
     """Return the flood with a cell's children in its place, which are not reached."""
     flood = _roomier(flood)
@@ -118,7 +122,7 @@ def _split(flood: Flood, division: Division, cell: int) -> Flood:
     return flood
 
 
-@njit(cache=True)
+@callee
 def _push(flood: Flood, cell: int, key: float) -> Flood:
     """Return the flood with a cell in its queue, by that key or the one it waits there with already."""
     if flood.cells[cell, QUEUED] != 0:
@@ -130,7 +134,7 @@ def _push(flood: Flood, cell: int, key: float) -> Flood:
     return flood
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def begin(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -139,7 +143,7 @@ def begin(
     flood: Flood,
     poses: FloatArray,
     finest: int,
-) -> Flood:
+) -> Plain:
     """Return a flood that is to begin at the first pose; both ends' cells are free or of the finest level."""
     placed = room_for_cores(division)
     for cell in range(flood.counts[0]):
@@ -155,10 +159,11 @@ def begin(
             cell = _cell_of(flood, division, poses[n])
         flood.counts[2 + n] = cell
     flood.counts[1] = 0
-    return _push(flood, flood.counts[2], 0.0)
+    flood = _push(flood, flood.counts[2], 0.0)
+    return flood.cells, flood.keys, flood.values, flood.counts
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def go_on(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -168,13 +173,13 @@ def go_on(
     other: FloatArray,
     finest: int,
     most: int,
-) -> tuple[int, int, Flood]:
+) -> tuple[int, int, Plain]:
     """Return what a flood has come to after ``most`` cells at most, how many it took, and the flood."""
     placed, around = room_for_cores(division), np.empty(256, np.int64)
     taken = 0
     while taken < most:
         if flood.counts[1] == 0:
-            return ENCLOSED, taken, flood
+            return ENCLOSED, taken, (flood.cells, flood.keys, flood.values, flood.counts)
         taken += 1
         flood.counts[1] = heap_pop(flood.keys, flood.values, flood.counts[1])
         key, cell = flood.keys[flood.counts[1]], flood.values[flood.counts[1]]
@@ -210,7 +215,11 @@ def go_on(
                 cells[cell, HOPS] = hops + _across(cells, cell)
             cells[cell, FROM] = best
             if cell == flood.counts[3]:
-                return (LEAKS if _mixed_before(cells, cell) else JOINED), taken, flood
+                return (
+                    (LEAKS if _mixed_before(cells, cell) else JOINED),
+                    taken,
+                    (cells, flood.keys, flood.values, flood.counts),
+                )
         count, around = neighbours(cells, division, cell, around)
         hops = cells[cell, HOPS]
         for n in range(count):
@@ -221,16 +230,16 @@ def go_on(
                     way = hops if kind == FREE else hops + 0.5 * _across(flood.cells, near)
                     key = WEIGHT * division.half[LEVELS - 1] * way + _left(flood.cells, division, near, other)
                     flood = _push(flood, near, key)
-    return UNDER_WAY, taken, flood
+    return UNDER_WAY, taken, (flood.cells, flood.keys, flood.values, flood.counts)
 
 
-@njit(cache=True)
+@callee
 def _across(cells: NDArray[np.int32], cell: int) -> int:
     """Return a cell's edge, as the column HOPS counts it."""
     return int(1 << (LEVELS - cells[cell, LEVEL]))
 
 
-@njit(cache=True)
+@callee
 def _left(cells: NDArray[np.int32], division: Division, cell: int, other: FloatArray) -> float:
     """Return how far (metres) a cell's centre is from the other end's position."""
     half = division.half[cells[cell, LEVEL]]
@@ -238,7 +247,7 @@ def _left(cells: NDArray[np.int32], division: Division, cell: int, other: FloatA
     return hypot(x - other[0], y - other[1])
 
 
-@njit(cache=True)
+@callee
 def _largest(cells: NDArray[np.int32], cell: int, finest: int) -> int:
     """Return the largest of the mixed cells that led here from a free one, -1 if all are of the finest level."""
     best, level = -1, finest
@@ -249,7 +258,7 @@ def _largest(cells: NDArray[np.int32], cell: int, finest: int) -> int:
     return best
 
 
-@njit(cache=True)
+@callee
 def _mixed_before(cells: NDArray[np.int32], cell: int) -> bool:
     """Return whether the flood came to a cell through mixed ones, itself included."""
     while cell != ROOT:
@@ -259,7 +268,7 @@ def _mixed_before(cells: NDArray[np.int32], cell: int) -> bool:
     return False
 
 
-@njit(cache=True)
+@callee
 def _divide(flood: Flood, division: Division, cell: int) -> Flood:
     """Return the flood with a cell divided, and what it had reached through it to be reached anew."""
     around, lost, count = np.empty(256, np.int64), np.empty(256, np.int64), 1

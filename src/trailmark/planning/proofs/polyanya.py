@@ -17,8 +17,8 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.planning.proofs.mesh import ROUNDED, Mesh, locate, orientation
 
 __all__ = ["shortest_point_path"]
@@ -66,13 +66,13 @@ def shortest_point_path(mesh: Mesh, start: FloatArray, goal: FloatArray) -> tupl
     return float(length), np.array(different)
 
 
-@njit(cache=True)
+@callee
 def _side(ox: float, oy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return a value above 0 if b lies left of the ray from o to a, below 0 if right, but for rounding."""
     return (ax - ox) * (by - oy) - (ay - oy) * (bx - ox)
 
 
-@njit(cache=True)
+@callee
 def _beside(points: FloatArray, a: int, b: int, c: int) -> float:
     """Return a value above 0 if c lies left of the ray through a and b, below 0 if right, 0 if there is no ray."""
     if a == b:
@@ -80,7 +80,7 @@ def _beside(points: FloatArray, a: int, b: int, c: int) -> float:
     return float(orientation(points[a, 0], points[a, 1], points[b, 0], points[b, 1], points[c, 0], points[c, 1]))
 
 
-@njit(cache=True)
+@callee
 def _crossing(points: FloatArray, a: int, b: int, outer: int, inner: int) -> tuple[float, float]:
     """Return where the line through a and b crosses the edge between two vertices, or a hair nearer to ``outer``."""
     far, far_wrong = _distance(points, a, b, outer)
@@ -91,7 +91,7 @@ def _crossing(points: FloatArray, a: int, b: int, outer: int, inner: int) -> tup
     return ox + share * (points[inner, 0] - ox), oy + share * (points[inner, 1] - oy)
 
 
-@njit(cache=True)
+@callee
 def _distance(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float]:
     """Return the distance of c from the line through a and b, times that of a from b, and what may be wrong with it."""
     x, y = points[c, 0], points[c, 1]
@@ -99,7 +99,7 @@ def _distance(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float]
     return abs(left - right), ROUNDED * (abs(left) + abs(right))
 
 
-@njit(cache=True)
+@callee
 def _through(
     px: float, py: float, lx: float, ly: float, rx: float, ry: float, gx: float, gy: float
 ) -> tuple[float, float, float]:
@@ -128,7 +128,7 @@ def _through(
     return hypot(cx - px, cy - py) + hypot(gx - cx, gy - cy), cx, cy
 
 
-@njit(cache=True)
+@callee
 def _note(
     points: FloatArray,
     found: FloatArray,
@@ -149,7 +149,7 @@ def _note(
     kinds[n, AT_L + side], kinds[n, L1 + 2 * side], kinds[n, L2 + 2 * side] = vertex, a, b
 
 
-@njit(cache=True)
+@callee
 def _turns(points: FloatArray, best: FloatArray, via: IntArray, root: int, vertex: int) -> bool:
     """Return whether a shortest path may bend at a vertex, coming from a root, and take that down.
 
@@ -162,7 +162,7 @@ def _turns(points: FloatArray, best: FloatArray, via: IntArray, root: int, verte
     return bool(longer == best[vertex] and via[vertex] == root)
 
 
-@njit(cache=True)
+@callee
 def _expanded(
     points: FloatArray,
     triangles: IntArray,
@@ -233,7 +233,7 @@ def _expanded(
     return 2
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _search(
     points: FloatArray,
     triangles: IntArray,

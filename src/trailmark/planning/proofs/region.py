@@ -1,5 +1,6 @@
 """Where a disc's centre may lie: the free space less all that is nearer than the radius, as polygons."""
 
+# Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
 from collections.abc import Sequence

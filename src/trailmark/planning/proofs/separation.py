@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.world import World
 
 __all__ = ["CERTAIN", "Separation"]
@@ -74,7 +74,7 @@ class Separation:
         return np.asarray(_cells_block(self._grid, np.ascontiguousarray(corners), self.reach))
 
 
-@njit(cache=True)
+@callee
 def _one_blocks(grid: ObstacleGrid, corners: FloatArray, reach: float) -> bool:
     """Return whether all corners, shape (k, 2), lie within reach of one and the same segment or disc."""
     x, y = corners[0, 0], corners[0, 1]
@@ -93,7 +93,7 @@ def _one_blocks(grid: ObstacleGrid, corners: FloatArray, reach: float) -> bool:
     return False
 
 
-@njit(cache=True)
+@callee
 def _near(grid: ObstacleGrid, item: int, x: float, y: float, reach: float) -> bool:
     """Return whether a point lies within reach of a segment or a disc."""
     if item < 0:
@@ -108,7 +108,7 @@ def _near(grid: ObstacleGrid, item: int, x: float, y: float, reach: float) -> bo
     return bool(hypot(x - (ax + share * dx), y - (ay + share * dy)) <= reach)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _edges_block(grid: ObstacleGrid, edges: FloatArray, reach: float) -> NDArray[np.bool_]:
     found = np.zeros(len(edges), np.bool_)
     waiting = np.empty((HALVINGS + 2, 2, 2))
@@ -135,7 +135,7 @@ def _edges_block(grid: ObstacleGrid, edges: FloatArray, reach: float) -> NDArray
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _cells_block(grid: ObstacleGrid, corners: FloatArray, reach: float) -> NDArray[np.bool_]:
     found = np.zeros(len(corners), np.bool_)
     for n in range(len(corners)):

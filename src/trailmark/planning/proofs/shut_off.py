@@ -18,7 +18,7 @@ from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.planning.proofs.cell_kinds import decided, room_for_cores
 from trailmark.planning.proofs.cells import BLOCKED, FREE, LEVELS, Division
 from trailmark.planning.proofs.enclosure import DEPTH, SHARES, Space, enclosure
@@ -92,7 +92,7 @@ def shut_off(
     return shut
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _note_inside(
     centers: FloatArray, extents: FloatArray, wider: float, places: FloatArray, inside: NDArray[np.bool_]
 ) -> None:
@@ -109,7 +109,7 @@ def _note_inside(
                 inside[p, first:last] = True
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _note_collisions(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -132,7 +132,7 @@ def _note_collisions(
                     break
 
 
-@njit(cache=True, nogil=True)
+@callee
 def _collides(
     grid: ObstacleGrid,
     field: ClearanceField,

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.footprint import Footprint
-from trailmark.compiled import njit
 from trailmark.heading import turn
+from trailmark.jit import callee, njit
 from trailmark.moving import Moving
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 from trailmark.shapes import Disc
@@ -97,7 +97,7 @@ def _closed(ring: FloatArray) -> FloatArray:
     return np.hstack([ring, np.roll(ring, -1, axis=0)])
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def path_clear(moving: MovingObstacles, states: FloatArray, speed: float) -> int:
     """Return the first motion of a path along which the robot may meet a moving obstacle; -1 if it stays clear.
 
@@ -118,7 +118,7 @@ def path_clear(moving: MovingObstacles, states: FloatArray, speed: float) -> int
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def motion_clear(moving: MovingObstacles, a: FloatArray, begin: float, b: FloatArray, end: float) -> bool:
     """Return whether the robot meets no outline on a straight motion from a at time ``begin`` to b at time ``end``."""
     for k in range(len(moving.until)):
@@ -143,7 +143,7 @@ def motion_clear(moving: MovingObstacles, a: FloatArray, begin: float, b: FloatA
     return True
 
 
-@njit(cache=True)
+@njit
 def state_clear(moving: MovingObstacles, q: FloatArray) -> bool:
     """Return whether the robot overlaps no obstacle in a configuration, shape (3,), at time 0."""
     if not motion_clear(moving, q, 0.0, q, 0.0):
@@ -159,7 +159,7 @@ def state_clear(moving: MovingObstacles, q: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True)
+@callee
 def _encloses(edges: FloatArray, x: float, y: float) -> bool:
     """Return whether a point lies inside closed rings of edges (even-odd rule)."""
     inside = False
@@ -170,7 +170,7 @@ def _encloses(edges: FloatArray, x: float, y: float) -> bool:
     return inside
 
 
-@njit(cache=True)
+@callee
 def _clear_of(
     moving: MovingObstacles,
     edges: FloatArray,

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline, now
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import FREE, state
-from trailmark.compiled import njit
 from trailmark.heap import heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.motion.base import Scratch, certified, cost, new_scratch
 from trailmark.planning.space_time.obstacles import MovingObstacles, motion_clear
 from trailmark.se2 import FloatArray
@@ -29,7 +29,7 @@ NEIGHBOURS = 3
 """Bends of the path before and behind its parent's that a node is joined to."""
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def search(
     kind: Any,
     moving: MovingObstacles,
@@ -74,7 +74,7 @@ def search(
     q[0], parents[0], layers[0], bends[0] = start, -1, 0, last
     count, size, best, best_rank = 1, heap_push(keys, heap, 0, 0.0, 0), 0, -np.inf
     for expanded in range(max_nodes):
-        if size == 0 or (expanded % CLOCK_EVERY == CLOCK_EVERY - 1 and now(deadline.kind) > deadline.seconds):
+        if size == 0 or (expanded % CLOCK_EVERY == CLOCK_EVERY - 1 and over(deadline)):
             break
         size = heap_pop(keys, heap, size)
         node = heap[size]
@@ -113,7 +113,7 @@ def search(
     return False, _states(q, parents, best, path[:0])
 
 
-@njit(cache=True)
+@callee
 def _bend(kind: Any, scratch: Scratch, here: FloatArray, path: FloatArray, near: int, anywhere: bool) -> int:
     """Return the last state of the path, about ``near`` or anywhere, that a certified motion leads to; -1 if none."""
     last = len(path) - 1
@@ -124,7 +124,7 @@ def _bend(kind: Any, scratch: Scratch, here: FloatArray, path: FloatArray, near:
     return -1
 
 
-@njit(cache=True)
+@callee
 def _goes_on(
     kind: Any,
     scratch: Scratch,
@@ -147,14 +147,14 @@ def _goes_on(
     return True
 
 
-@njit(cache=True)
+@callee
 def _key(layer: int, q: FloatArray, cell: float) -> int:
     """Return a number of its own for each layer of time and cell, up to a million cells to either side."""
     x, y = np.int64(np.floor(q[0] / cell)) & 0x1FFFFF, np.int64(np.floor(q[1] / cell)) & 0x1FFFFF
     return int((np.int64(layer) << 42) | (x << 21) | y)
 
 
-@njit(cache=True)
+@callee
 def _place(table: NDArray[np.int64], key: int) -> int:
     """Return where a key stands in a hash table whose length is a power of 2, or where it would; -1 is no key."""
     mask = len(table) - 1
@@ -164,7 +164,7 @@ def _place(table: NDArray[np.int64], key: int) -> int:
     return place
 
 
-@njit(cache=True)
+@callee
 def _states(q: FloatArray, parents: NDArray[np.int64], node: int, rest: FloatArray) -> FloatArray:
     """Return the states on the way to a node, and the rest."""
     steps, k = 0, node
