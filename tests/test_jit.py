@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import gc
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -28,6 +29,7 @@ from trailmark import jit
 from trailmark.jit import callee, compiling_for, kernel_digest, njit
 
 PACKAGE = jit.PACKAGE
+NUMBERS = r"(tuple\[)?((float|int|bool|np\.u?int64)(, |\]?$))+|None"
 OPEN = "__pycache__"
 
 
@@ -166,7 +168,10 @@ class _Source:
 
 def _decorator(node: ast.expr) -> str | None:
     name = node.func if isinstance(node, ast.Call) else node
-    return name.id if isinstance(name, ast.Name) and name.id in ("njit", "callee") else None
+    if not isinstance(name, ast.Name) or name.id not in ("njit", "callee", "array_callee"):
+        return None
+    counting = not any(keyword.arg == "numbers" for keyword in getattr(node, "keywords", ()))
+    return name.id if counting else "njit of numbers"
 
 
 def _file_of(module: str) -> Path:
@@ -191,7 +196,7 @@ def test_all_that_kernels_read_counts_in_the_digest(sources: dict[Path, _Source]
 
 
 def test_no_python_calls_what_only_kernels_call(sources: dict[Path, _Source]) -> None:
-    inner = {(source.file, f.name) for source in sources.values() for f, kind in source.kernels if kind == "callee"}
+    inner = {(source.file, f.name) for source in sources.values() for f, kind in source.kernels if "callee" in kind}
     tests = {file: _Source(file) for file in Path(__file__).parent.rglob("*.py") if file != Path(__file__)}
     for source in (sources | tests).values():
         known = {name: (_file_of(module), name_there) for name, (module, name_there) in source.taken.items()}
@@ -213,7 +218,25 @@ def test_every_kernel_is_made_here_and_gives_python_what_is_made_without_it(sour
         for f, kind in source.kernels:
             assert not any(isinstance(node, ast.Raise | ast.Assert) for node in ast.walk(f)), f.name
             given = {n.id for n in ast.walk(f.returns) if isinstance(n, ast.Name)} if f.returns else set()
-            assert kind == "callee" or not given & named, f"{source.file}: {f.name}"
+            assert "callee" in kind or not given & named, f"{source.file}: {f.name}"
+
+
+def test_what_counts_no_references_gives_back_no_arrays_and_takes_none(sources: dict[Path, _Source]) -> None:
+    counting = ("njit", "array_callee")
+    # What is not said to give numbers may give arrays; of new_scratch each kind of motion has its own.
+    givers = {
+        (source.file, f.name)
+        for source in sources.values()
+        for f, kind in source.kernels
+        if kind in counting and not (f.returns and re.fullmatch(NUMBERS, ast.unparse(f.returns)))
+    }
+    for source in sources.values():
+        here = {name: (_file_of(module), there) for name, (module, there) in source.taken.items()}
+        here |= {f.name: (source.file, f.name) for f, _ in source.kernels}
+        for f in (f for f, kind in source.kernels if kind not in counting):
+            called = {node.func.id for node in ast.walk(f) if isinstance(node, ast.Call) and hasattr(node.func, "id")}
+            assert not any(here.get(name) in givers or name == "new_scratch" for name in called), f.name
+            assert f.returns is None or "Array" not in ast.unparse(f.returns), f.name
 
 
 KEPT = """

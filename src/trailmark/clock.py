@@ -55,7 +55,7 @@ class Deadline(NamedTuple):
         return cls(shown, 1)
 
 
-@njit
+@njit(numbers=True)
 def over(deadline: Deadline) -> bool:
     """Return whether a deadline has passed."""
     # What is written to a place that is known only when it runs may be what is read next: the compiler must not take

@@ -10,7 +10,7 @@ from trailmark.jit import njit
 __all__ = ["heap_grow", "heap_pop", "heap_push"]
 
 
-@njit
+@njit(numbers=True)
 def heap_push(keys: NDArray[np.float64], values: NDArray[np.int64], size: int, key: float, value: int) -> int:
     """Add an entry to a heap of ``size`` entries with room for one more; return the new size."""
     i = size
@@ -24,7 +24,7 @@ def heap_push(keys: NDArray[np.float64], values: NDArray[np.int64], size: int, k
     return size + 1
 
 
-@njit
+@njit(numbers=True)
 def heap_pop(keys: NDArray[np.float64], values: NDArray[np.int64], size: int) -> int:
     """Move the smallest entry to position size - 1, out of the heap; return the new size."""
     size -= 1

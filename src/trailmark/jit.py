@@ -24,15 +24,17 @@ from contextlib import contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
 from time import perf_counter
-from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
+from typing import IO, Any, Literal, ParamSpec, TypeVar, cast, overload
 
 import numba
+import numpy as np
 from numba.core import event
 
-__all__ = ["callee", "compiling_for", "kernel_digest", "kernel_folder", "njit", "side_by_side"]
+__all__ = ["array_callee", "callee", "compiling_for", "kernel_digest", "kernel_folder", "njit", "side_by_side"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
+N = TypeVar("N", bound=float | np.integer[Any] | tuple[float, ...] | None)
 
 PACKAGE = Path(__file__).resolve().parent
 SPACE = 300_000_000
@@ -57,6 +59,8 @@ for job in pickle.load(sys.stdin.buffer):
     job()
 """
 """What a second process runs; it finds modules where this one does, whatever lies in the working directory."""
+
+_deciding = threading.Lock()
 
 
 def report(line: str) -> None:
@@ -122,40 +126,53 @@ def _private_folder() -> Path | None:
         return None
 
 
-if TYPE_CHECKING:
+def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+    folder, kernel = kernel_folder(), partial(numba.njit, no_cfunc_wrapper=True, **options)
+    if folder is not None:
+        with _deciding:
+            before = numba.config.CACHE_DIR  # type: ignore[attr-defined,unused-ignore]  # numba makes it when imported
+            numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined,unused-ignore]
+            try:
+                return cast(Callable[P, R], kernel(cache=True)(function))
+            except RuntimeError:  # the function is of no file, or the folder has gone
+                pass
+            finally:
+                numba.config.CACHE_DIR = before  # type: ignore[attr-defined,unused-ignore]
+    return cast(Callable[P, R], kernel()(function))
 
-    @overload
-    def njit(function: Callable[P, R], /) -> Callable[P, R]: ...
-    @overload
-    def njit(*, nogil: bool) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
-    def njit(*function: Any, **options: Any) -> Any:
-        """Compile a kernel that Python calls, at its first call; takes the options of numba's ``njit``."""
 
-    def callee(function: Callable[P, R]) -> Callable[P, R]:
-        """Compile a kernel that only kernels call: nothing is made for calls from Python, which end the process."""
+@overload
+def njit(function: Callable[P, R], /) -> Callable[P, R]: ...
+@overload
+def njit(*, nogil: bool = ...) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+@overload
+def njit(*, numbers: Literal[True], nogil: bool = ...) -> Callable[[Callable[P, N]], Callable[P, N]]: ...
+def njit(function: Any = None, /, *, nogil: bool = False, numbers: bool = False) -> Any:
+    """Compile a kernel that Python calls, at its first call.
 
-else:
-    _deciding = threading.Lock()
+    Args:
+        function: the kernel.
+        nogil: whether it runs beside Python's other threads, as those must that are given a deadline.
+        numbers: kernels call it too: as :func:`callee`.
+    """
+    if function is None:
+        return partial(_compiled, nogil=nogil, _nrt=not numbers)
+    return _compiled(function, _nrt=True)
 
-    def njit(function=None, /, **options):
-        """Compile a kernel that Python calls, at its first call; takes the options of numba's ``njit``."""
-        if function is None:
-            return lambda function: njit(function, **options)
-        folder, kernel = kernel_folder(), partial(numba.njit, no_cfunc_wrapper=True, **options)
-        if folder is not None:
-            with _deciding:
-                before, numba.config.CACHE_DIR = getattr(numba.config, "CACHE_DIR", ""), str(folder)
-                try:
-                    return kernel(cache=True)(function)
-                except RuntimeError:  # the function is of no file, or the folder has gone
-                    pass
-                finally:
-                    numba.config.CACHE_DIR = before
-        return kernel()(function)
 
-    def callee(function):
-        """Compile a kernel that only kernels call: nothing is made for calls from Python, which end the process."""
-        return njit(function, no_cpython_wrapper=True)
+def callee(function: Callable[P, N]) -> Callable[P, N]:
+    """Compile a kernel that only kernels call, which makes no arrays and gives none back.
+
+    Nothing is made for calls from Python, which would end the process. By ``_nrt=False`` no references to arrays are
+    counted, which takes a third of the time where tuples of many arrays are handed on. So it may not call what gives
+    back arrays either: nobody would free them.
+    """
+    return _compiled(function, no_cpython_wrapper=True, _nrt=False)
+
+
+def array_callee(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a kernel that only kernels call, and that makes arrays or gives some back."""
+    return _compiled(function, no_cpython_wrapper=True, _nrt=True)
 
 
 class _Compiling(event.Listener):

@@ -11,7 +11,7 @@ from trailmark.jit import njit
 __all__ = ["order_of", "sort_in_place"]
 
 
-@njit
+@njit(numbers=True)
 def sort_in_place(values: NDArray[np.float64], count: int) -> None:
     """Sort the first ``count`` values, shape (n,), none NaN, smallest first (Shell 1959, Knuth's gaps)."""
     gap = 1

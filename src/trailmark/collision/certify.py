@@ -31,7 +31,7 @@ from trailmark.collision.kernels import (
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import turn
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 from trailmark.variants import by_type, variant_of
 
@@ -153,7 +153,7 @@ def new_queue() -> FloatArray:
     return np.empty((128, 2))
 
 
-@njit
+@njit(numbers=True)
 def certify(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -263,7 +263,7 @@ def straight_track(robot: Footprint, a: FloatArray, b: FloatArray) -> StraightTr
     return StraightTrack(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound)
 
 
-@callee
+@array_callee
 def curve_motion(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -279,7 +279,7 @@ def curve_motion(
     return int(certify(grid, field, robot, placed, queue, curve_track(robot, a, word, radius), EXACT, budget))
 
 
-@callee
+@array_callee
 def curve_track(robot: Footprint, a: FloatArray, word: FloatArray, radius: float) -> CurveTrack:
     """Return the curve of a word, shape (2, 5), from a, shape (3,), as a track; the radius in metres."""
     pieces = np.empty((PIECES, 6))

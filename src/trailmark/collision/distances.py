@@ -171,7 +171,7 @@ def ring_clearance(grid: ObstacleGrid, ring: FloatArray, n: int, x: float, y: fl
     return best
 
 
-@njit
+@njit(numbers=True)
 def point_clearance(grid: ObstacleGrid, x: float, y: float, cap: float) -> float:
     """Return min(clearance, cap) of a point; 0 in an obstacle."""
     left = max(0, floor((x - cap - grid.x0) / grid.size))
@@ -201,7 +201,7 @@ def point_clearance(grid: ObstacleGrid, x: float, y: float, cap: float) -> float
     return best
 
 
-@njit
+@njit(numbers=True)
 def point_depth(grid: ObstacleGrid, x: float, y: float, cap: float) -> float:
     """Return min(depth, cap): no point nearer than ``depth`` to this one is outside of all obstacles; 0 if it is."""
     left = max(0, floor((x - cap - grid.x0) / grid.size))

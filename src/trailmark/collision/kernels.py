@@ -42,7 +42,7 @@ WIDEST_GAP = 1e-3
 """Metres: a core's gap wider than this would cost more time to search than it saves."""
 
 
-@njit
+@njit(numbers=True)
 def field_value(field: ClearanceField, x: float, y: float) -> float:
     """Return the distance stored for the cell of (x, y); 0 outside the grid, where everything is blocked."""
     column = floor((x - field.x0) / field.size)

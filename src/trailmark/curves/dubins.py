@@ -41,7 +41,7 @@ def _outer(first: float, total: float, side: float, spare: float) -> tuple[float
     return (t, v) if v > 0.0 else (_turn(total, SAME), 0.0)
 
 
-@njit
+@njit(numbers=True)
 def dubins_words(x: float, y: float, phi: float, same: float, words: FloatArray) -> int:
     """Write the words that lead to (x, y, phi) to ``words``; return how many there are (at least one).
 

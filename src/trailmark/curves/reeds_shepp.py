@@ -57,7 +57,7 @@ def _ends(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float,
     return tau, _half_turn(tau - u + v - phi)
 
 
-@njit
+@njit(numbers=True)
 def reeds_shepp_words(x: float, y: float, phi: float, same: float, words: FloatArray) -> int:
     """Write the words that lead to (x, y, phi) to ``words``; return how many there are (at least one).
 

@@ -35,7 +35,7 @@ def _comes_first(a: FloatArray, b: FloatArray) -> bool:
     return bool(a[1] < b[1] if a[1] != b[1] else a[2] <= b[2])
 
 
-@njit
+@njit(numbers=True)
 def all_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> tuple[int, bool]:
     """Write all words from a to b to ``words``; return how many there are, and whether they lead from b to a.
 

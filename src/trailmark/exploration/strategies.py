@@ -127,7 +127,7 @@ def _replaced(
     return np.array(stops, dtype=np.int64)
 
 
-@njit(nogil=True)
+@njit(nogil=True, numbers=True)
 def tour_cost(ways: FloatArray, weights: FloatArray, order: NDArray[np.int64]) -> float:
     """Return the length of a tour, and the lengths up to its nodes, weighted, in addition."""
     length, cost = 0.0, 0.0

@@ -43,7 +43,7 @@ def cell_clearance(grid: ObstacleGrid, field: ClearanceField, x: float, y: float
     return value
 
 
-@njit
+@njit(numbers=True)
 def fill_clearance(
     grid: ObstacleGrid,
     field: ClearanceField,

@@ -36,7 +36,7 @@ DAMPING = 0.05
 """Of the squared slopes: where they tell no direction, inside an obstacle or midway between two, nothing moves far."""
 
 
-@njit
+@njit(numbers=True)
 def retract(field: ClearanceField, robot: Footprint, q: FloatArray, reach: float, turn: float, margin: float) -> None:
     """Push the configuration q, shape (3,), off the obstacles, in place; it may be invalid still.
 

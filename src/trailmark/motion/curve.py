@@ -17,7 +17,7 @@ from trailmark.curves import CurvePath, Steering
 from trailmark.curves.shortest import MAX_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
 from trailmark.errors import ConfigurationError
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch, charged, extra_along, new_scratch
 from trailmark.objective import Objective
@@ -120,7 +120,7 @@ class CurveMotion(Motion):
 
 
 @variant_of(base.new_scratch, Curve)
-@callee
+@array_callee
 def _new_scratch(kind: Curve) -> Scratch:
     return Scratch(workspace(kind.robot), new_queue(), np.empty((MAX_WORDS, 2, PIECES)))
 
@@ -132,7 +132,7 @@ def _cost(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
 
 
 @variant_of(base.certified, Curve)
-@callee
+@array_callee
 def _certified(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     word = shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
     answer = curve_motion(
@@ -142,7 +142,7 @@ def _certified(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, budg
 
 
 @variant_of(base.interpolate, Curve)
-@callee
+@array_callee
 def _interpolate(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     walk(a, shortest_word(a, b, kind.radius, kind.reverse, scratch.words), kind.radius, along, q)
 
@@ -160,13 +160,13 @@ def _least_cost(kind: Curve, a: FloatArray, b: FloatArray) -> float:
 
 
 @variant_of(base.charged, Curve)
-@njit
+@njit(numbers=True)
 def _charged(kind: Curve) -> bool:
     return bool(kind.direction_change > 0.0 or kind.reverse_metre > 0.0)
 
 
 @variant_of(base.extra, Curve)
-@callee
+@array_callee
 def _extra(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, gear: float) -> tuple[float, float]:
     if not _charged(kind):
         return 0.0, 0.0

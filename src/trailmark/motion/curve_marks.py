@@ -19,7 +19,7 @@ from trailmark.collision.certify import BUDGET, curve_motion
 from trailmark.curves.shortest import all_words, as_long, shortest_of
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
 from trailmark.errors import ConfigurationError
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, njit
 from trailmark.motion.pointwise import (
     Configuration,
     Packed,
@@ -84,7 +84,7 @@ class CurveMarks:
         return int(_marked_curve(*packed.arrays, *a, *b, steering.radius, steering.reverse, length, number, self._rows))
 
 
-@callee
+@array_callee
 def _mark(a: FloatArray, word: FloatArray, radius: float, alone: bool, marks: FloatArray) -> int:
     """Write the marks of a word from a into ``marks``, shape (MAX_MARKS, 4); return how many there are.
 

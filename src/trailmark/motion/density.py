@@ -21,7 +21,7 @@ from trailmark.collision.distances import point_clearance
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.objective import Objective
 from trailmark.se2 import FloatArray
 from trailmark.sorting import sort_in_place
@@ -155,7 +155,7 @@ def densities(
     return found
 
 
-@njit
+@njit(numbers=True)
 def line_cost(
     density: Density,
     grid: ObstacleGrid,
@@ -253,7 +253,7 @@ def near_border(density: Density, ax: float, ay: float, bx: float, by: float, re
     return False
 
 
-@callee
+@array_callee
 def _zones_cost(density: Density, ax: float, ay: float, bx: float, by: float, length: float) -> float:
     """Return the cost of a straight line, nearness to obstacles left out: exact but for rounding."""
     x1, x2, y1, y2 = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)

@@ -16,7 +16,7 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, state
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.heading import turn, wrapped
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch
 from trailmark.motion.straight import never_charged, no_extra, straight_scratch
@@ -125,7 +125,7 @@ def facing(kind: Any, a: FloatArray, b: FloatArray) -> float:
     return float(b[2]) if fabs(turn(ahead, b[2])) <= ALIGNED else ahead
 
 
-@callee
+@array_callee
 def _stops(kind: Any, a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the four states, shape (4, 3), between which a motion turns, drives and turns."""
     stops = np.empty((4, 3))
@@ -162,7 +162,7 @@ def _cost(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArray) ->
 
 
 @variant_of(base.certified, Differential)
-@callee
+@array_callee
 def _certified(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     stops = _stops(kind, a, b)
     for k in range(1, 3):
@@ -182,7 +182,7 @@ def _certified(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArra
 
 
 @variant_of(base.interpolate, Differential)
-@callee
+@array_callee
 def _interpolate(
     kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray
 ) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import wrapped
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 from trailmark.sorting import sort_in_place
 from trailmark.touching import TOUCHING_TOLERANCE
@@ -75,7 +75,7 @@ def one_ways(zones: Iterable[Zone]) -> OneWays:
     )
 
 
-@njit
+@njit(numbers=True)
 def straight_allowed(zones: OneWays, a: FloatArray, b: FloatArray) -> bool:
     """Return whether the straight motion from a to b, each of shape (3,), travels as all zones allow."""
     if len(zones.headings) == 0:
@@ -101,7 +101,7 @@ def straight_valid(checker: StateChecker) -> Callable[[FloatArray, FloatArray], 
     return valid
 
 
-@njit
+@njit(numbers=True)
 def curve_allowed(zones: OneWays, a: FloatArray, word: FloatArray, radius: float) -> bool:
     """Return whether a car's curve travels as all zones allow, its pieces in reverse included.
 
@@ -126,7 +126,7 @@ def curve_allowed(zones: OneWays, a: FloatArray, word: FloatArray, radius: float
     return True
 
 
-@callee
+@array_callee
 def _piece_allowed(zones: OneWays, x: float, y: float, ahead: float, side: float, length: float, radius: float) -> bool:
     """Return whether a straight piece or an arc travels as all zones allow.
 
@@ -176,7 +176,7 @@ def _piece_allowed(zones: OneWays, x: float, y: float, ahead: float, side: float
     return True
 
 
-@callee
+@array_callee
 def _near_outline(
     edges: FloatArray, x: float, y: float, ahead: float, side: float, begin: float, end: float, radius: float
 ) -> bool:

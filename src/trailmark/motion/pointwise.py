@@ -21,7 +21,7 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
 from trailmark.curves.shortest import MAX_WORDS
 from trailmark.curves.words import PIECES
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion.base import Scratch, certified
 from trailmark.motion.curve import Curve
 
@@ -176,14 +176,14 @@ def _places(arrays: list[NDArray[Any]]) -> list[tuple[int, ...]]:
     return [(begin, *array.shape) for begin, array in zip(begins, arrays, strict=False)]
 
 
-@callee
+@array_callee
 def _table(joined: NDArray[Any], places: NDArray[np.int64], k: int) -> Any:
     """Return an array of those that were joined, (rows, columns)."""
     begin, rows, columns = places[k, 0], places[k, 1], places[k, 2]
     return joined[begin : begin + rows * columns].reshape(rows, columns)
 
 
-@callee
+@array_callee
 def unpacked(packed: Packed) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     """Return the kernels' arguments, in the order in which :func:`_packed` joins them."""
     floats, integers, places = packed.floats, packed.integers, packed.places
@@ -207,7 +207,7 @@ def unpacked(packed: Packed) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     return grid, field, robot
 
 
-@callee
+@array_callee
 def scratch_of(packed: Packed) -> tuple[Scratch, FloatArray]:
     """Return memory to work in, and for a motion's ends, shape (2, 3)."""
     floats, places = packed.floats, packed.places

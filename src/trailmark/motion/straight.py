@@ -15,7 +15,7 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.heading import turn, wrapped
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch
 from trailmark.path import Path
@@ -80,7 +80,7 @@ class StraightMotion(Motion):
 
 
 @variant_of(base.new_scratch, Straight)
-@callee
+@array_callee
 def straight_scratch(kind: Any) -> Scratch:
     """Return memory for straight motions."""
     return Scratch(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))

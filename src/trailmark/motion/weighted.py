@@ -15,7 +15,7 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves.shortest import shortest_word
 from trailmark.curves.words import unit_length, walk
 from trailmark.heading import turn
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch, extra
 from trailmark.motion.curve import Curve
@@ -160,7 +160,7 @@ def _differential_cost(
 
 
 @variant_of(weighted_cost, Curve)
-@callee
+@array_callee
 def _curve_cost(
     motion: Any, kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, tolerance: float
 ) -> tuple[float, float]:
@@ -214,7 +214,7 @@ def path_cost(kind: Weighted, states: FloatArray, tolerance: float) -> tuple[flo
 
 
 @variant_of(base.new_scratch, Weighted)
-@callee
+@array_callee
 def new_scratch_of(kind: Weighted) -> Scratch:
     """Return memory for the motions that are weighted."""
     return base.new_scratch(kind.motion)
@@ -240,14 +240,14 @@ def _straight_allowed(motion: Any, zones: OneWays, scratch: Scratch, a: FloatArr
 
 
 @variant_of(allowed, Curve)
-@callee
+@array_callee
 def _curve_allowed(motion: Curve, zones: OneWays, scratch: Scratch, a: FloatArray, b: FloatArray) -> bool:
     word = shortest_word(a, b, motion.radius, motion.reverse, scratch.words)
     return curve_allowed(zones, a, word, motion.radius)
 
 
 @variant_of(base.charged, Weighted)
-@njit
+@njit(numbers=True)
 def _charged(kind: Weighted) -> bool:
     return base.charged(kind.motion)
 

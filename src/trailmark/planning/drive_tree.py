@@ -14,7 +14,7 @@ from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.curves.shortest import MAX_WORDS, all_words
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion.curve import Curve, word_extra
 from trailmark.motion.one_way import OneWays, curve_allowed
 from trailmark.se2 import FloatArray
@@ -117,7 +117,7 @@ def _cell_of(q: FloatArray, guide: Guide, cell: float, columns: int, headings: i
     return int((((row * columns + column) * headings + heading) * 2 + layer) & 0x7FFFFFFFFFFF)
 
 
-@callee
+@array_callee
 def _free(
     kind: Curve,
     zones: OneWays,
@@ -138,7 +138,7 @@ def _free(
     return bool(curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius, BUDGET) == FREE)
 
 
-@callee
+@array_callee
 def _word_to(
     kind: Curve,
     zones: OneWays,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from trailmark.clock import Deadline, over
 from trailmark.collision.kernels import FREE, state
 from trailmark.heading import turn, wrapped
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import Motion
 from trailmark.motion.base import (
     Scratch,
@@ -82,7 +82,7 @@ def shorten(
     return path
 
 
-@callee
+@array_callee
 def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
     """Return the costs of a path's motions, shape (n - 1,), metres."""
     result = np.empty(len(path) - 1)
@@ -91,7 +91,7 @@ def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
     return result
 
 
-@callee
+@array_callee
 def _whole(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> float:
     """Return a path's cost, in metres: that of its motions, and what a car is charged beyond it."""
     return float(costs.sum() + extra_along(kind, scratch, path, 0, len(costs)))
@@ -133,7 +133,7 @@ def _sweep(
     return path, scale, _whole(kind, scratch, path, _costs(kind, scratch, path))
 
 
-@callee
+@array_callee
 def _locate(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
 ) -> tuple[int, float]:
@@ -163,7 +163,7 @@ def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[f
     return max(0.0, low), min(total, low + span)
 
 
-@callee
+@array_callee
 def _shortcut(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> tuple[FloatArray, FloatArray]:
@@ -202,7 +202,7 @@ def _shortcut(
     return fresh, after
 
 
-@callee
+@array_callee
 def _joined(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, limit: float) -> FloatArray:
     """Return the ends of a certified motion from a to b that costs less than ``limit``, shape (2, 3), or none."""
     states = np.empty((2, 3))
@@ -236,7 +236,7 @@ def _turn_weighted(
 
 
 @variant_of(turn_evenly, Straight)
-@callee
+@array_callee
 def _turn_evenly(
     kind: Straight, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> None:
@@ -270,7 +270,7 @@ def _turn_evenly(
                 costs[k] = cost(kind, scratch, path[k], path[k + 1])
 
 
-@callee
+@array_callee
 def _move(
     kind: Any,
     scratch: Scratch,
@@ -360,7 +360,7 @@ def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
     return path[kept]
 
 
-@callee
+@array_callee
 def _rise(kind: Any, scratch: Scratch, path: FloatArray, rows: tuple[int, int, int, int, int]) -> float:
     """Return what a path costs more, in metres, without the third of five vertices that follow one another."""
     window = np.empty((5, 3))
@@ -419,7 +419,7 @@ def propose(
 
 @variant_of(propose, Straight)
 @variant_of(propose, Translation)
-@callee
+@array_callee
 def _propose_straight(
     kind: Any,
     scratch: Scratch,
@@ -548,7 +548,7 @@ def _no_heading(kind: Translation) -> bool:
     return False
 
 
-@callee
+@array_callee
 def split(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
 ) -> FloatArray:
@@ -565,7 +565,7 @@ def split(
     return result
 
 
-@callee
+@array_callee
 def halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
     """Return the path with a vertex in the middle of every longer motion: what is cheapest need not be straight."""
     longer = costs > SHORT * costs.sum()

@@ -115,7 +115,7 @@ def new_pairs(found: NDArray[np.int64], first: int) -> NDArray[np.int64]:
     return pairs[:count]
 
 
-@njit(nogil=True)
+@njit(nogil=True, numbers=True)
 def root_of(parents: NDArray[np.int64], node: int) -> int:
     """Return the node that represents a node's component, halving the path to it (union-find: Tarjan 1975)."""
     while parents[node] != node:

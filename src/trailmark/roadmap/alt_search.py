@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision.certify import BUDGET
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion.base import certified, cost, least_cost, new_scratch, obeys_triangle
 from trailmark.nearest import Forest
 from trailmark.roadmap.insertion import JOINED, joinable_nodes
@@ -204,7 +204,7 @@ def _within(discs: FloatArray, q: FloatArray) -> bool:
     return False
 
 
-@callee
+@array_callee
 def _active_references(
     kind: Any,
     configurations: FloatArray,

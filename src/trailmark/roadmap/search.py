@@ -18,7 +18,7 @@ from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion.base import certified, charged, extra, new_scratch
 from trailmark.roadmap.adjacency import root_of
 from trailmark.roadmap.insertion import JOINED, joinable_nodes
@@ -307,7 +307,7 @@ def lazy_shortest_path(
     return trace_back(parent, end), done, expanded
 
 
-@callee
+@array_callee
 def trace_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
     """Return the nodes of the path that the parents describe, from its first to ``end``; none if ``end`` is -1."""
     length, node = 0, end

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["Close", "Way", "least_distance", "may_meet", "meetings"]
@@ -232,7 +232,7 @@ def _reach(body: FloatArray) -> float:
     return reach
 
 
-@callee
+@array_callee
 def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, int]:
     """Return the edges of a group's runs, at the beginning of ``memory``, or of more where that is too little."""
     n = 0
@@ -246,7 +246,7 @@ def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, i
     return memory, n
 
 
-@callee
+@array_callee
 def _doubled(array: IntArray) -> IntArray:
     larger = np.empty(2 * len(array), np.int64)
     larger[: len(array)] = array
@@ -279,7 +279,7 @@ def _interval(
     return x, y, vx, vy, turn, bend
 
 
-@njit
+@njit(numbers=True)
 def may_meet(
     placed: FloatArray,
     ax: float,

@@ -191,7 +191,7 @@ def seen(
     return count
 
 
-@njit
+@njit(numbers=True)
 def fits(grid: Corners, ax: float, ay: float, bx: float, by: float, radius: float) -> bool:
     """Return whether no blocked cell is nearer than ``radius`` to a segment, all in cells."""
     rows, columns = grid.blocked.shape

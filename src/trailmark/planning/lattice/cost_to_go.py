@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.heading import turn
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion.density import Density, densities
 from trailmark.planning.fast_marching import march
 from trailmark.planning.lattice.nodes import STEP_X, STEP_Y, TURNS, Nodes, move_cost, place, position
@@ -142,7 +142,7 @@ def _costs(
     return _flood(dear, (row + 1) * (columns + 2) + column + 1, size * least)
 
 
-@callee
+@array_callee
 def _dear(
     field: ClearanceField,
     x0: float,
@@ -201,7 +201,7 @@ def _dear_cell(
     return round(UNIT * (1.0 + tightness * lack))
 
 
-@callee
+@array_callee
 def _under(begin: float, size: float, count: int, field: ClearanceField) -> NDArray[np.int64]:
     """Return the field's rows (or columns) under the middle of each of ``count`` cells, then under its other places."""
     places = max(1, round(size / (2.0 * field.size)))
@@ -213,7 +213,7 @@ def _under(begin: float, size: float, count: int, field: ClearanceField) -> NDAr
     return found
 
 
-@callee
+@array_callee
 def _flood(dear: NDArray[np.int32], source: int, size: float) -> NDArray[np.float32]:
     """Return the costs of all cells but the border to a source, metres, by Dijkstra's algorithm.
 

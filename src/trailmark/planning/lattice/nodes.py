@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.jit import callee
+from trailmark.jit import array_callee, callee
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray, wrap
 
 __all__ = [
@@ -186,7 +186,7 @@ class SearchTable(NamedTuple):
     retracted: NDArray[np.float64]
 
 
-@callee
+@array_callee
 def new_table(entries: int = 1 << MIN_BITS, retracts: bool = False) -> SearchTable:
     """Return an empty table with room for a power of two of entries, and if ``retracts`` for their configurations."""
     return SearchTable(
@@ -209,7 +209,7 @@ def entry_of(table: SearchTable, node: int) -> int:
     return int(entry)
 
 
-@callee
+@array_callee
 def doubled(table: SearchTable) -> SearchTable:
     """Return a table of twice the size with the same nodes."""
     larger = new_table(2 * len(table.node), len(table.retracted) > 0)

@@ -22,7 +22,7 @@ from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import FREE, state
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.landmarks.retraction import retract
 from trailmark.motion import DifferentialMotion, Motion, WeightedMotion
 from trailmark.motion.base import Scratch, certified, new_scratch
@@ -254,7 +254,7 @@ def _free(kind: Any, scratch: Scratch, q: FloatArray) -> bool:
     return bool(state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE)
 
 
-@callee
+@array_callee
 def _configuration_of(nodes: Nodes, table: SearchTable, node: int, q: FloatArray) -> None:
     """Write a node's configuration into q."""
     if len(table.retracted):
@@ -315,7 +315,7 @@ def _find_other_parent(
     return False
 
 
-@callee
+@array_callee
 def _path_over(nodes: Nodes, table: SearchTable, last: int, start: FloatArray, goal: FloatArray) -> FloatArray:
     """Return the configurations from start to goal over a node."""
     length, node = 1, last

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -78,7 +78,7 @@ class Division(NamedTuple):
     cores: IntArray
 
 
-@njit
+@njit(numbers=True)
 def leaf_at(cells: NDArray[np.int32], division: Division, level: int, i: int, j: int, k: int) -> int:
     """Return the cell of that level and place, or the larger one that holds it if that was never split."""
     cell = (j >> level) * division.columns + (i >> level)
@@ -100,7 +100,7 @@ def children_of(cells: NDArray[np.int32], division: Division, cell: int) -> int:
     return 8 if division.turns[level + 1] > division.turns[level] else 4
 
 
-@njit
+@njit(numbers=True)
 def split(cells: NDArray[np.int32], division: Division, cell: int, used: int) -> int:
     """Give a cell its children, in the rows from ``used`` on; return the rows used then."""
     level, more = cells[cell, LEVEL], children_of(cells, division, cell)
@@ -168,7 +168,7 @@ def neighbours(cells: NDArray[np.int32], division: Division, cell: int, found: I
     return count, found
 
 
-@callee
+@array_callee
 def _longer(array: IntArray) -> IntArray:
     longer = np.empty(2 * len(array), np.int64)
     longer[: len(array)] = array

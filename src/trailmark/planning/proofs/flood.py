@@ -20,7 +20,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.planning.proofs.cell_kinds import kind_of, room_for_cores
 from trailmark.planning.proofs.cells import (
     BLOCKED,
@@ -88,7 +88,7 @@ def new_flood(columns: int, rows: int) -> Flood:
     return Flood(cells, np.empty(1024), np.empty(1024, np.int64), np.array([base, 0, 0, 0], np.int64))
 
 
-@callee
+@array_callee
 def _roomier(flood: Flood) -> Flood:
     """Return the flood with room for the children of one more cell and for one more entry of the queue."""
     cells, keys, values = flood.cells, flood.keys, flood.values
@@ -111,7 +111,7 @@ def _cell_of(flood: Flood, division: Division, pose: FloatArray) -> int:
     return leaf_at(flood.cells, division, level, i, j, k)
 
 
-@callee
+@array_callee
 def _split(flood: Flood, division: Division, cell: int) -> Flood:
     """Return the flood with a cell's children in its place, which are not reached."""
     flood = _roomier(flood)
@@ -122,7 +122,7 @@ def _split(flood: Flood, division: Division, cell: int) -> Flood:
     return flood
 
 
-@callee
+@array_callee
 def _push(flood: Flood, cell: int, key: float) -> Flood:
     """Return the flood with a cell in its queue, by that key or the one it waits there with already."""
     if flood.cells[cell, QUEUED] != 0:
@@ -268,7 +268,7 @@ def _mixed_before(cells: NDArray[np.int32], cell: int) -> bool:
     return False
 
 
-@callee
+@array_callee
 def _divide(flood: Flood, division: Division, cell: int) -> Flood:
     """Return the flood with a cell divided, and what it had reached through it to be reached anew."""
     around, lost, count = np.empty(256, np.int64), np.empty(256, np.int64), 1

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, njit
 
 __all__ = ["ROUNDED", "Mesh", "locate", "orientation", "orientations", "triangulated"]
 
@@ -123,7 +123,7 @@ SPLITTER = 134217729.0
 """2^27 + 1: cuts a double into two halves whose products are exact."""
 
 
-@njit
+@njit(numbers=True)
 def orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
     """Return a value above 0 if c lies left of the line from a to b, below 0 if right, 0 if it lies on it: exactly."""
     left, right = (ax - cx) * (by - cy), (ay - cy) * (bx - cx)
@@ -146,7 +146,7 @@ def orientations(points: NDArray[np.float64], triples: NDArray[np.int64]) -> NDA
     return found
 
 
-@callee
+@array_callee
 def _exactly(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
     """Return the determinant's largest part: six products, each as a sum of two doubles, added up exactly."""
     # The parts, from the smallest to the largest; they do not overlap.

@@ -18,7 +18,7 @@ from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, njit
 from trailmark.planning.proofs.cell_kinds import decided, room_for_cores
 from trailmark.planning.proofs.cells import BLOCKED, FREE, LEVELS, Division
 from trailmark.planning.proofs.enclosure import DEPTH, SHARES, Space, enclosure
@@ -132,7 +132,7 @@ def _note_collisions(
                     break
 
 
-@callee
+@array_callee
 def _collides(
     grid: ObstacleGrid,
     field: ClearanceField,

@@ -26,7 +26,7 @@ from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.goals import Goal
 from trailmark.heading import turn
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import Motion, WeightedMotion
 from trailmark.motion.density import FAR, Density
 from trailmark.planning.fast_marching import march, on_diagonal
@@ -251,7 +251,7 @@ def _square(place: float, begin: float, size: float, count: int) -> int:
     return min(count - 1, max(0, int(np.floor((place - begin) / size))))
 
 
-@callee
+@array_callee
 def _ratios(value: FloatArray, least: FloatArray, size: float, highest: float) -> FloatArray:
     """Return the largest ratio of slope and density, >= 1, at equally wide levels of the value up to ``highest``."""
     ratio = np.ones(LEVELS)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision.footprint import Footprint
 from trailmark.heading import turn
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.moving import Moving
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 from trailmark.shapes import Disc
@@ -118,7 +118,7 @@ def path_clear(moving: MovingObstacles, states: FloatArray, speed: float) -> int
     return -1
 
 
-@njit(nogil=True)
+@njit(nogil=True, numbers=True)
 def motion_clear(moving: MovingObstacles, a: FloatArray, begin: float, b: FloatArray, end: float) -> bool:
     """Return whether the robot meets no outline on a straight motion from a at time ``begin`` to b at time ``end``."""
     for k in range(len(moving.until)):
@@ -143,7 +143,7 @@ def motion_clear(moving: MovingObstacles, a: FloatArray, begin: float, b: FloatA
     return True
 
 
-@njit
+@njit(numbers=True)
 def state_clear(moving: MovingObstacles, q: FloatArray) -> bool:
     """Return whether the robot overlaps no obstacle in a configuration, shape (3,), at time 0."""
     if not motion_clear(moving, q, 0.0, q, 0.0):
@@ -170,7 +170,7 @@ def _encloses(edges: FloatArray, x: float, y: float) -> bool:
     return inside
 
 
-@callee
+@array_callee
 def _clear_of(
     moving: MovingObstacles,
     edges: FloatArray,

@@ -12,7 +12,7 @@ from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import FREE, state
 from trailmark.heap import heap_pop, heap_push
-from trailmark.jit import callee, njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion.base import Scratch, certified, cost, new_scratch
 from trailmark.planning.space_time.obstacles import MovingObstacles, motion_clear
 from trailmark.se2 import FloatArray
@@ -124,7 +124,7 @@ def _bend(kind: Any, scratch: Scratch, here: FloatArray, path: FloatArray, near:
     return -1
 
 
-@callee
+@array_callee
 def _goes_on(
     kind: Any,
     scratch: Scratch,
@@ -164,7 +164,7 @@ def _place(table: NDArray[np.int64], key: int) -> int:
     return place
 
 
-@callee
+@array_callee
 def _states(q: FloatArray, parents: NDArray[np.int64], node: int, rest: FloatArray) -> FloatArray:
     """Return the states on the way to a node, and the rest."""
     steps, k = 0, node
