@@ -11,9 +11,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import njit
 
 __all__ = [
     "COUNT",
@@ -34,7 +35,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def heap_push(keys: FloatArray, values: IntArray, size: int, key: float, value: int) -> int:
     """Add an entry to a heap of ``size`` entries with room for one more; return the new size."""
     i = size
@@ -48,7 +49,7 @@ def heap_push(keys: FloatArray, values: IntArray, size: int, key: float, value: 
     return size + 1
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def heap_pop(keys: FloatArray, values: IntArray, size: int) -> int:
     """Move the entry with the smallest key to position size - 1, out of the heap; return the new size."""
     size -= 1
@@ -70,7 +71,7 @@ def heap_pop(keys: FloatArray, values: IntArray, size: int) -> int:
     return size
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def heap_grow(keys: FloatArray, values: IntArray) -> tuple[FloatArray, IntArray]:
     """Return copies of both arrays of twice the length."""
     more_keys, more_values = np.empty(2 * len(keys)), np.empty(2 * len(values), np.int64)
@@ -102,7 +103,8 @@ class Labels(NamedTuple):
     counts: IntArray  # (2,) number of labels, and of those that wait
 
 
-@njit(cache=True)
+# Python calls it as it is: a named tuple that a kernel gives back is made by Python code, which a signal may interrupt.
+@register_jitable  # type: ignore[untyped-decorator,unused-ignore]  # numba ships types in part
 def new_labels(capacity: int, more: int) -> Labels:
     """Return memory for a power of two of labels, none there yet, with ``more`` values of each."""
     return Labels(
@@ -119,7 +121,7 @@ def new_labels(capacity: int, more: int) -> Labels:
     )
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def with_room(labels: Labels, count: int) -> Labels:
     """Return the labels with room for some more."""
     n, capacity = len(labels.node), len(labels.node)
@@ -136,7 +138,7 @@ def with_room(labels: Labels, count: int) -> Labels:
     return larger
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def entry_of(labels: Labels, node: int) -> int:
     """Return a node's entry in the table, or where it belongs."""
     table, mask = labels.table, len(labels.table) - 1
@@ -147,13 +149,13 @@ def entry_of(labels: Labels, node: int) -> int:
     return int(entry)
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def label_of(labels: Labels, node: int) -> int:
     """Return a node's newest label, -1 if it has none."""
     return int(labels.table[entry_of(labels, node)])
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def add_label(labels: Labels, entry: int, node: int, parent: int, cost: float, key: float) -> int:
     """Return a new label, for which there is room: its node's newest by the entry in the table, waiting by its key."""
     label = labels.counts[COUNT]
@@ -164,7 +166,7 @@ def add_label(labels: Labels, entry: int, node: int, parent: int, cost: float, k
     return int(label)
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def next_label(labels: Labels) -> int:
     """Take the label with the smallest key out of those that wait, at least one; return it, -1 if it is closed.
 

@@ -5,6 +5,7 @@ function takes arrays of shape ``(..., 3)`` and broadcasts like numpy. The dista
 ``SE2StateSpace`` (Euclidean plus half of the heading difference), so that costs compare directly.
 """
 
+# Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
 from typing import Any

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.lock import Lock
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape, triangulate
@@ -99,7 +99,7 @@ class FclScene:
         return max(xmin - box[0], box[2] - xmax, ymin - box[1], box[3] - ymax)
 
 
-@njit(cache=True)
+@njit
 def _placed_box(outline: FloatArray, radius: float, x: float, y: float, theta: float) -> Box:
     """Return xmin, ymin, xmax, ymax of an outline (v, 2) at a configuration, thickened by ``radius``; metres."""
     c, s = math.cos(theta), math.sin(theta)
@@ -112,7 +112,7 @@ def _placed_box(outline: FloatArray, radius: float, x: float, y: float, theta: f
     return xmin - radius, ymin - radius, xmax + radius, ymax + radius
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def _meeting(
     boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: float
 ) -> tuple[NDArray[np.int64], FloatArray]:

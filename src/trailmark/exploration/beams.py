@@ -9,10 +9,10 @@ from __future__ import annotations
 from math import cos, hypot, pi, sin
 from typing import Final
 
-from trailmark.compiled import njit
 from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, OCTAVE, SEEN, TILE, TOUCHED, UNKNOWN, level_of
 from trailmark.exploration.surfaces import enter_surfaces
+from trailmark.jit import callee, njit
 
 __all__ = ["NUDGE", "agreement", "enter_scan"]
 
@@ -27,7 +27,7 @@ NEAR: Final = 2
 """Cells from an end point within which a surface is the one that it lies on."""
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def enter_scan(cells, now, start, ends, kinds, normals, gap, tolerance, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a scan, all of it in cells from the grid's corner on.
 
@@ -46,7 +46,7 @@ def enter_scan(cells, now, start, ends, kinds, normals, gap, tolerance, gate):  
     _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate)
 
 
-@njit(cache=True)
+@callee
 def _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Take note of the cells along each beam."""
     rows, columns = cells.state.shape
@@ -97,7 +97,7 @@ def _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate):  # type
                 j += step_j
 
 
-@njit(cache=True)
+@callee
 def _see(cells, row, column, wx, wy, ux, uy, length, gap):  # type: ignore[no-untyped-def]  # numba infers the types
     """Count the quarters of a cell, the first of which lies at (wx, wy) from the scanner, that a beam passes."""
     seen = cells.seen[row, column]
@@ -111,7 +111,7 @@ def _see(cells, row, column, wx, wy, ux, uy, length, gap):  # type: ignore[no-un
         cells.changed[row // TILE, column // TILE] = True
 
 
-@njit(cache=True)
+@callee
 def _goes_through(cells, row, column, sx, sy, dx, dy, until):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return whether a beam crosses the surface in a cell, wherever in its box it lies, before it has come so far.
 
@@ -138,7 +138,7 @@ def _goes_through(cells, row, column, sx, sy, dx, dy, until):  # type: ignore[no
     return beside + deep * abs(nx * dy - ny * dx) <= abs(ny) * wide + abs(nx) * high + 2.0 / 255.0
 
 
-@njit(cache=True)
+@njit
 def agreement(cells, start, ends, kinds, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return how many beams end at known surfaces, go through them, and end where nothing was known to be.
 

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 
 __all__ = [
     "FREE",
@@ -89,13 +89,13 @@ class Cells(NamedTuple):
         return cls(zeros(), zeros(), box, zeros(), zeros(), zeros(), zeros(), stamp, np.ones(tiles, dtype=np.bool_))
 
 
-@njit(cache=True)
+@callee
 def level_of(gap):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return the level of a gap between beams: WHOLE for one of a cell, OCTAVE more for twice that."""
     return min(254, max(TOUCHED + 1, WHOLE + ceil(OCTAVE * log2(gap))))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def boxes_in_sight(cells):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return the boxes of the surfaces in cells, (rows, columns, 4): all of one where beams lay too far apart."""
     boxes = cells.box.copy()
@@ -106,7 +106,7 @@ def boxes_in_sight(cells):  # type: ignore[no-untyped-def]  # numba infers the t
     return boxes
 
 
-@njit(cache=True)
+@njit
 def rectangles(mask):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return boxes x0, y0, x1, y1, shape (n, 4), that cover a mask exactly: runs of a row, joined to equal ones above.
 

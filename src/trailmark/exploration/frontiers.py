@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
+from trailmark.jit import njit
 from trailmark.landmarks.sampling import lloyd
 from trailmark.se2 import FloatArray
 
@@ -76,7 +76,7 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
     return Frontiers(edges, cells[wide], _divided(edges[:, :2], group[wide], longest))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _borders(state: NDArray[np.uint8], wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return rows and columns of unknown cells that count, each with a direction x, y to it from a free one, (n, 4)."""
     rows, columns = state.shape

@@ -1,5 +1,6 @@
 """What is known of the world: cells that are free, occupied, or not known yet."""
 
+# Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.collision.field import distance_transform
 from trailmark.collision.footprint import build_footprint
-from trailmark.compiled import njit
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.jit import callee, njit
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
@@ -190,7 +190,7 @@ def _within(inner: tuple[slice, slice], outer: tuple[slice, slice]) -> tuple[sli
     return rows, columns
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def flood(
     distance: NDArray[np.float32],
     roomy: NDArray[np.bool_],
@@ -254,7 +254,7 @@ def flood(
     return masks
 
 
-@njit(cache=True)
+@callee
 def free_headings(
     distance: NDArray[np.float32], row: int, column: int, offsets: FloatArray, least: FloatArray
 ) -> np.uint64:

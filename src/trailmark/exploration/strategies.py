@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.arguments import brief
-from trailmark.compiled import njit
 from trailmark.errors import ConfigurationError, expected_name
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -127,7 +127,7 @@ def _replaced(
     return np.array(stops, dtype=np.int64)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, numbers=True)
 def tour_cost(ways: FloatArray, weights: FloatArray, order: NDArray[np.int64]) -> float:
     """Return the length of a tour, and the lengths up to its nodes, weighted, in addition."""
     length, cost = 0.0, 0.0
@@ -137,7 +137,7 @@ def tour_cost(ways: FloatArray, weights: FloatArray, order: NDArray[np.int64]) -
     return length + cost
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def shortened_tour(ways: FloatArray, weights: FloatArray, order: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return a tour with its order improved, its ends kept, until no reversal and no move of a part makes it better.
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 from math import atan2, ceil, cos, floor, hypot, pi, sin
 from typing import Final
 
-from trailmark.compiled import njit
 from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, OCTAVE, TILE, level_of
+from trailmark.jit import callee
 
 __all__ = ["enter_surfaces"]
 
@@ -27,7 +27,7 @@ STEEP: Final = 3.0
 """Gaps between beams from one end point to the next on a surface that goes on: it is met at 20 degrees or more."""
 
 
-@njit(cache=True)
+@callee
 def enter_surfaces(cells, now, start, ends, kinds, normals, gap, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter what lies between neighbouring end points, and what may lie between the last one and the next beam.
 
@@ -99,7 +99,7 @@ def enter_surfaces(cells, now, start, ends, kinds, normals, gap, gate):  # type:
                 _stretch(cells, x, y, x + before * along_x, y + before * along_y, True, level, facing, now, start, gate)
 
 
-@njit(cache=True)
+@callee
 def _leave_open(cells, x, y, level, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a cell of which a scan shows a part only: all of it counts, unless more was known before."""
     rows, columns = cells.state.shape
@@ -112,7 +112,7 @@ def _leave_open(cells, x, y, level, now, start, gate):  # type: ignore[no-untype
     cells.stamp[row, column] = now  # so that this scan does not replace what is known
 
 
-@njit(cache=True)
+@callee
 def _stretch(cells, ax, ay, bx, by, beyond, level, facing, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a straight stretch of surface, cell by cell; beyond: between the last end point and the next beam."""
     dx, dy = bx - ax, by - ay
@@ -131,7 +131,7 @@ def _stretch(cells, ax, ay, bx, by, beyond, level, facing, now, start, gate):  #
             j += step_j
 
 
-@njit(cache=True)
+@callee
 def _meet(cells, row, column, ax, ay, bx, by, beyond, level, facing, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a stretch of surface within one cell."""
     rows, columns = cells.state.shape
@@ -179,7 +179,7 @@ def _meet(cells, row, column, ax, ay, bx, by, beyond, level, facing, now, start,
         cells.readings[row, column] = min(cells.readings[row, column] + 1, MOST)
 
 
-@njit(cache=True)
+@callee
 def _is_of_next(cells, row, column, front, met, gate, now):  # type: ignore[no-untyped-def]  # numba infers the types
     """Refine the surface in the next cell, if what is met here is a reading of it; return whether it is.
 
@@ -203,7 +203,7 @@ def _is_of_next(cells, row, column, front, met, gate, now):  # type: ignore[no-u
     return True
 
 
-@njit(cache=True)
+@callee
 def _move_front(cells, row, column, side, ahead, times):  # type: ignore[no-untyped-def]  # numba infers the types
     """Move the front of the surface in a cell by what a reading that lies so far ahead of it, in 255ths, tells."""
     gain = max(1.0 / (1.0 + cells.readings[row, column]), GAIN)
@@ -214,7 +214,7 @@ def _move_front(cells, row, column, side, ahead, times):  # type: ignore[no-unty
         cells.changed[row // TILE, column // TILE] = True
 
 
-@njit(cache=True)
+@callee
 def _front(facing, ahead_x, ahead_y):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return which side of its box a surface that lies along it turns to the scanner, so far ahead; -1 for none."""
     angle = (facing - 1) * pi / 254.0

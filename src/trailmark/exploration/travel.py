@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.exploration.mapper import Mapper
 from trailmark.exploration.reachability import CERTAIN, NOWHERE
+from trailmark.jit import njit
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
@@ -76,7 +76,7 @@ class Travel:
         return np.asarray(costs * self.factor)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def costs_between(fits: NDArray[np.uint8], cells: NDArray[np.int64], nearest: int, tight: int) -> FloatArray:
     """Return the costs of the ways between some cells, in cells, shape (n, n), infinite where none was found.
 

@@ -7,15 +7,15 @@ from math import cos, exp, floor, hypot, pi, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["expected_areas", "line_is_free", "nearest_looks", "places_in_sight", "sight"]
 
 
-@njit(cache=True)
+@callee
 def _meets_surface(
     box: NDArray[np.uint8], column: int, row: int, x0: float, y0: float, dx: float, dy: float, begin: float, end: float
 ) -> bool:
@@ -32,7 +32,7 @@ def _meets_surface(
     return begin <= end
 
 
-@njit(cache=True)
+@callee
 def line_is_free(
     state: NDArray[np.uint8], boxes: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: float
 ) -> bool:
@@ -70,7 +70,7 @@ def line_is_free(
             row += step_y
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def sight(
     state: NDArray[np.uint8],
     boxes: NDArray[np.uint8],
@@ -97,7 +97,7 @@ def sight(
     return seen
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def nearest_looks(
     state: NDArray[np.uint8],
     boxes: NDArray[np.uint8],
@@ -136,7 +136,7 @@ def nearest_looks(
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def places_in_sight(
     state: NDArray[np.uint8],
     boxes: NDArray[np.uint8],
@@ -211,7 +211,7 @@ def places_in_sight(
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def expected_areas(
     state: NDArray[np.uint8], places: FloatArray, farthest: float, free_path: float, rays: int
 ) -> FloatArray:

@@ -15,7 +15,7 @@ from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -44,13 +44,13 @@ class _Buckets(NamedTuple):
     links: IntArray
 
 
-@njit(cache=True)
+@array_callee
 def _buckets(count: int, cells: int) -> _Buckets:
     """Return an empty queue."""
     return _Buckets(np.full(count, -1, np.int32), np.full((cells, 2), -1, np.int32))
 
 
-@njit(cache=True)
+@callee
 def _put(queue: _Buckets, cell: int, level: int) -> None:
     """Let a cell wait at a level, and at no other."""
     first, links = queue.first, queue.links
@@ -63,7 +63,7 @@ def _put(queue: _Buckets, cell: int, level: int) -> None:
         links[second, 1] = cell
 
 
-@njit(cache=True)
+@callee
 def _leave(queue: _Buckets, cell: int) -> None:
     """Let a cell wait no longer."""
     links = queue.links
@@ -77,7 +77,7 @@ def _leave(queue: _Buckets, cell: int) -> None:
     links[cell, 1] = -1
 
 
-@njit(cache=True)
+@callee
 def _take(queue: _Buckets, level: int) -> int:
     """Return a cell that waited at a level, -1 if none does."""
     cell = queue.first[level & (len(queue.first) - 1)]
@@ -94,7 +94,7 @@ FURTHER = 32
 """Cells farther than the target that are still gone through: a way may lead off before it comes nearer."""
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def flood(dear: IntArray, source: int, target: int, corners: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
     """Return the costs of cells to a source, in edges of a cell, and the directions that lead back towards it.
 
@@ -148,7 +148,7 @@ def flood(dear: IntArray, source: int, target: int, corners: int) -> tuple[NDArr
     return found.reshape(dear.shape), back.reshape(dear.shape)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def cell_clearances(
     grid: ObstacleGrid, field: ClearanceField, corner: FloatArray, size: float, rows: int, columns: int, radius: float
 ) -> FloatArray:

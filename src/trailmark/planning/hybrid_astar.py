@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.clock import CLOCK_EVERY, Deadline, now
-from trailmark.collision.certify import curve_motion
+from trailmark.clock import CLOCK_EVERY, Deadline, over
+from trailmark.collision.certify import BUDGET, curve_motion
 from trailmark.collision.kernels import FREE, state
-from trailmark.compiled import njit
 from trailmark.curves.words import PIECES, reversed_word, walk
 from trailmark.heap import COUNT, WAITING, add_label, entry_of, new_labels, next_label, with_room
+from trailmark.jit import array_callee, callee, njit
 from trailmark.landmarks.relaxation import CostMap, Relaxation
 from trailmark.landmarks.sampling import lloyd
 from trailmark.motion import Motion, WeightedMotion
@@ -94,7 +94,7 @@ def hybrid_astar(
     deadline, m = Deadline.after(seconds), len(sources)
     while True:
         q, parents, drives = _grow(car, guide, np.array(sources, order="C"), step, most, deadline)
-        if len(q) >= m + most or step <= FINEST * kind.radius or now(deadline.kind) >= deadline.seconds:
+        if len(q) >= m + most or step <= FINEST * kind.radius or over(deadline):
             break
         # All cells that these drives lead to are entered: smaller ones may lead farther.
         step *= 0.5
@@ -154,7 +154,7 @@ class _Guide(NamedTuple):
     center: FloatArray
 
 
-@njit(cache=True)
+@callee
 def _cost_at(guide: _Guide, q: FloatArray) -> float:
     """Return the relaxed cost at the inscribed disc's centre; infinite outside of the grid."""
     c, s, (cx, cy) = cos(q[2]), sin(q[2]), guide.center
@@ -165,7 +165,7 @@ def _cost_at(guide: _Guide, q: FloatArray) -> float:
     return np.inf
 
 
-@njit(cache=True)
+@callee
 def _cell_of(q: FloatArray, guide: _Guide, cell: float, columns: int, headings: int, layer: int) -> int:
     """Return the number of a configuration's cell, and of the direction in which it is reached."""
     column, row = floor((q[0] - guide.x0) / cell), floor((q[1] - guide.y0) / cell)
@@ -173,7 +173,7 @@ def _cell_of(q: FloatArray, guide: _Guide, cell: float, columns: int, headings: 
     return int(((row * columns + column) * headings + heading) * 2 + layer)
 
 
-@njit(cache=True)
+@array_callee
 def _free(car: _Car, scratch: Scratch, q: FloatArray, word: FloatArray, end: FloatArray) -> bool:
     """Return whether a word from q to ``end`` is certified, in the direction in which it is driven."""
     kind = car.kind
@@ -182,10 +182,12 @@ def _free(car: _Car, scratch: Scratch, q: FloatArray, word: FloatArray, end: Flo
     else:
         allowed = curve_allowed(car.zones, end, reversed_word(word), kind.radius)
     placed, queue = scratch.placed, scratch.queue
-    return allowed and curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius) == FREE
+    if not allowed:
+        return False
+    return bool(curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius, BUDGET) == FREE)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _grow(
     car: _Car, guide: _Guide, sources: FloatArray, step: float, most: int, deadline: Deadline
 ) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
@@ -212,7 +214,7 @@ def _grow(
             continue
         here, driven, gear = labels.q[at], labels.cost[at], sign * labels.more[at, WAY]
         expanded += 1
-        if expanded % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if expanded % CLOCK_EVERY == 0 and over(deadline):
             break
         for side in (0.0, 1.0, -1.0):
             for direction in (1.0, -1.0):

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import Deadline, now
+from trailmark.clock import Deadline, over
 from trailmark.collision.kernels import FREE, state
-from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import turn, wrapped
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import Motion
 from trailmark.motion.base import (
     Scratch,
@@ -35,10 +35,11 @@ from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
 from trailmark.se2 import FloatArray
+from trailmark.variants import by_type, variant_of
 
 __all__ = ["EFFORT", "GAIN", "shorten", "without_needless"]
 
-EFFORT = 500
+EFFORT: Any = np.int64(500)
 """Configurations evaluated for one motion at most: one that needs more grazes something; another is sooner tried."""
 
 GAIN = 1e-7
@@ -92,7 +93,7 @@ def shorten(
     return path
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _sweep(
     kind: Any, path: FloatArray, seed: Seed, scale: float, splitting: bool, deadline: Deadline
 ) -> tuple[FloatArray, float, float]:
@@ -103,9 +104,9 @@ def _sweep(
     scratch = new_scratch(kind)
     costs = _costs(kind, scratch, path)
     for _ in range(10 + 2 * len(path)):
-        if now(deadline.kind) < deadline.seconds:
+        if not over(deadline):
             path, costs = _shortcut(kind, scratch, path, costs, seed)
-    if now(deadline.kind) < deadline.seconds:
+    if not over(deadline):
         path = without_needless(kind, path, EFFORT)
         costs = _costs(kind, scratch, path)
         if splitting and not obeys_triangle(kind):
@@ -117,13 +118,13 @@ def _sweep(
         for _ in range(MOVES):
             moved += _move(kind, scratch, path, costs, seed, scale, deadline)
         scale *= 1.2 if 4 * moved > len(path) else 0.6
-    if now(deadline.kind) < deadline.seconds:
+    if not over(deadline):
         path = without_needless(kind, path, EFFORT)
         costs = _costs(kind, scratch, path)
     return path, scale, float(costs.sum() + extra_along(kind, scratch, path, 0, len(costs)))
 
 
-@njit(cache=True)
+@array_callee
 def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
     """Return the costs of a path's motions, shape (n - 1,), metres."""
     result = np.empty(len(path) - 1)
@@ -132,7 +133,7 @@ def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
     return result
 
 
-@njit(cache=True)
+@callee
 def uniform(seed: Seed) -> float:
     """Return a number in [0, 1) and advance the seed (xorshift64*: Vigna 2016)."""
     s = seed[0]
@@ -143,7 +144,7 @@ def uniform(seed: Seed) -> float:
     return float((s * np.uint64(2685821657736338717)) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@njit(cache=True)
+@array_callee
 def _locate(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
 ) -> tuple[int, float]:
@@ -165,7 +166,7 @@ def _locate(
     return i, place
 
 
-@njit(cache=True)
+@array_callee
 def _shortcut(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: Seed
 ) -> tuple[FloatArray, FloatArray]:
@@ -214,7 +215,7 @@ def _shortcut(
     return fresh, after
 
 
-@njit(cache=True)
+@array_callee
 def _move(
     kind: Any,
     scratch: Scratch,
@@ -227,7 +228,7 @@ def _move(
     """Move every inner vertex, in place, towards the motion between its neighbours or at random; count what helped."""
     moved = 0
     for i in range(1, len(path) - 1):
-        if now(deadline.kind) >= deadline.seconds:
+        if over(deadline):
             break
         a, b = path[i - 1], path[i + 1]
         before, extra = costs[i - 1] + costs[i], extra_along(kind, scratch, path, i - 2, i + 2)
@@ -258,7 +259,7 @@ def _move(
     return moved
 
 
-@njit(cache=True)
+@array_callee
 def _split(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: Seed, scale: float) -> FloatArray:
     """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
     n = len(path)
@@ -273,7 +274,7 @@ def _split(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, see
     return result
 
 
-@njit(cache=True)
+@array_callee
 def _halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
     """Return the path with a vertex in the middle of every longer motion: what is cheapest need not be straight."""
     longer = costs > SHORT * costs.sum()
@@ -288,7 +289,7 @@ def _halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) ->
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
     """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
 
@@ -327,7 +328,7 @@ def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
     return path[kept]
 
 
-@njit(cache=True)
+@array_callee
 def _rise(kind: Any, scratch: Scratch, path: FloatArray, rows: tuple[int, int, int, int, int]) -> float:
     """Return what a path costs more, in metres, without the third of five vertices that follow one another."""
     window = np.empty((5, 3))
@@ -362,7 +363,7 @@ def propose(
 
 @variant_of(propose, Straight)
 @variant_of(propose, Translation)
-@njit(cache=True)
+@array_callee
 def _propose_straight(
     kind: Any, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
@@ -381,7 +382,7 @@ def _propose_straight(
     return q
 
 
-@njit(cache=True)
+@callee
 def _shift(q: FloatArray, angle: float, scale: float, seed: Seed) -> None:
     """Move a place in one direction, by a random step up to ``scale``."""
     step = scale * sqrt(uniform(seed))
@@ -390,7 +391,7 @@ def _shift(q: FloatArray, angle: float, scale: float, seed: Seed) -> None:
 
 
 @variant_of(propose, Differential)
-@njit(cache=True)
+@array_callee
 def _propose_differential(
     kind: Differential, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
@@ -405,7 +406,7 @@ def _propose_differential(
 
 
 @variant_of(propose, Curve)
-@njit(cache=True)
+@array_callee
 def _propose_curve(
     kind: Curve, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
@@ -423,7 +424,7 @@ def _propose_curve(
 
 
 @variant_of(propose, Weighted)
-@njit(cache=True)
+@array_callee
 def _propose_weighted(
     kind: Weighted, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from trailmark.compiled.report import compiling_for
-from trailmark.compiled.side_by_side import compiled_side_by_side
 from trailmark.formats.grid import cells_of
+from trailmark.jit import compiling_for, side_by_side
 from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
@@ -64,7 +63,7 @@ def warm_up(kind: Kind = "straight", use: Use = "plan", *, weighted: bool = Fals
     """
     objective = "clearance" if weighted else "length"
     jobs = [partial(job, kind, objective) for job in _jobs(use, kind, weighted)]
-    with compiling_for(NAMES[use]), compiled_side_by_side(jobs):
+    with compiling_for(NAMES[use]), side_by_side(jobs):
         for job in jobs:
             job()
 

@@ -8,7 +8,7 @@ from math import hypot, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.motion import Motion
 from trailmark.roadmap.roadmap import EdgeStatus, Roadmap
 from trailmark.se2 import FloatArray
@@ -90,7 +90,7 @@ def few_boxes(boxes: FloatArray) -> FloatArray:
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def edges_near(
     q: FloatArray,
     edges: NDArray[np.int32],

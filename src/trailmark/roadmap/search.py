@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.clock import CLOCK_EVERY, Deadline, now
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
-from trailmark.compiled import njit
 from trailmark.errors import ConfigurationError
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import njit
 from trailmark.motion import Motion
 from trailmark.motion.base import certified, charged, cost, extra, new_scratch
 from trailmark.se2 import FloatArray
@@ -132,7 +132,7 @@ def links_of(n: int, edges: NDArray[np.int32], lengths: FloatArray, directed: bo
     return Links(*_rows(n, edges, lengths, 1 if directed else 2))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _rows(n: int, edges: NDArray[np.int32], lengths: FloatArray, sides: int) -> tuple[NDArray[Any], ...]:
     """Return the parts of :class:`Links`."""
     start = np.zeros(n + 1, np.int64)
@@ -240,7 +240,7 @@ def require_nodes(nodes: ArrayLike, n: int) -> None:
         raise ConfigurationError(f"node: expected 0 or more, below {n}, got {wrong[0]}")
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _joined(
     kind: Any, configurations: FloatArray, near: NDArray[np.int64], q: FloatArray, enough: int, reverse: bool
 ) -> tuple[NDArray[np.int64], FloatArray]:
@@ -257,7 +257,7 @@ def _joined(
     return nodes[:count], costs[:count]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def lazy_shortest_path(
     kind: Any,
     configurations: FloatArray,
@@ -299,7 +299,7 @@ def lazy_shortest_path(
     end, total, expanded, steps = -1, limit, 0, 0
     while size > 0 and expanded < budget:
         steps += 1
-        if steps % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if steps % CLOCK_EVERY == 0 and over(deadline):
             break
         size = heap_pop(keys, values, size)
         link = values[size]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.motion.base import least_cost, obeys_triangle
 from trailmark.roadmap.roadmap import EdgeStatus, Roadmap
 from trailmark.roadmap.search import (
@@ -172,7 +172,7 @@ class RoadmapSnapshot:
         return bound * (1.0 - 1e-6)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _least_costs(kind: Any, q: FloatArray, goal: FloatArray) -> FloatArray:
     found = np.empty(len(q))
     for i in range(len(q)):
@@ -180,7 +180,7 @@ def _least_costs(kind: Any, q: FloatArray, goal: FloatArray) -> FloatArray:
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _spanner(
     links: Links, order: NDArray[np.int64], edges: NDArray[np.int32], lengths: FloatArray, stretch: float
 ) -> NDArray[np.bool_]:

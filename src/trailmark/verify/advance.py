@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["Close", "Way", "least_distance", "may_meet", "meetings"]
+__all__ = ["Close", "Way", "least_distance", "meetings"]
 
 SMALLEST_MOVE = 1e-9
 """Metres that the robot moves in an interval that is halved no more: it meets an edge there."""
@@ -72,7 +72,7 @@ class _Body(NamedTuple):
     placed: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def meetings(body: FloatArray, radius: float, way: Way, close: Close, resolution: float, most: int) -> FloatArray:
     """Return the intervals in which the robot's edges meet others, rows (motion, from, to), the latter two as shares.
 
@@ -120,7 +120,7 @@ def meetings(body: FloatArray, radius: float, way: Way, close: Close, resolution
     return rows[:count]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def least_distance(
     body: FloatArray, radius: float, way: Way, close: Close, cap: float, tolerance: float
 ) -> tuple[float, int, float]:
@@ -156,7 +156,7 @@ def least_distance(
     return best, motion, share
 
 
-@njit(cache=True)
+@callee
 def _push(shares: FloatArray, edges: IntArray, depth: int, spans: Four, begin: int, end: int) -> int:
     """Put two intervals on the stack, the first on top, with the edges to look at; return its new height."""
     for k in range(2):
@@ -165,7 +165,7 @@ def _push(shares: FloatArray, edges: IntArray, depth: int, spans: Four, begin: i
     return depth + 2
 
 
-@njit(cache=True)
+@array_callee
 def _look(
     robot: _Body,
     way: Way,
@@ -213,26 +213,20 @@ def _look(
     return near, left, overlap, straight + robot.sweep * abs(move[2])
 
 
-@njit(cache=True)
-def may_meet(placed: FloatArray, edge: Four, radius: float, move: Four) -> bool:
-    """Return False if no edge of the robot meets another one in an interval of its motion.
+@callee
+def _beside(placed: FloatArray, edge: Four, radius: float, slack: float, move: Four) -> tuple[float, bool]:
+    """Return how far the robot may move and surely still meet an edge, and whether it may come near it.
+
+    The first is below 0 their distance; two that cross do so until an end of one comes upon the other. The second is
+    False only if they stay farther apart than ``slack`` all along the interval.
 
     Args:
         placed: (b, 4) the robot's edges about its reference point in the middle of the interval.
         edge: x and y of either end about the same point, metres.
         radius: by which the edges are thickened together, metres.
+        slack: metres.
         move: half of the way in the interval, x and y in metres; half of the turn in it, radians; metres by which the
             way leaves its tangent at most.
-    """
-    return _beside(placed, edge, radius, 0.0, move)[1]
-
-
-@njit(cache=True)
-def _beside(placed: FloatArray, edge: Four, radius: float, slack: float, move: Four) -> tuple[float, bool]:
-    """Return how far the robot may move and surely still meet an edge, and whether it may come near it.
-
-    The first is below 0 their distance; two that cross do so until an end of one comes upon the other. The second is
-    False only if they stay farther apart than ``slack`` all along the interval. Else as :func:`may_meet`.
     """
     overlap, may = -np.inf, False
     vx, vy, turn, bend = move
@@ -249,7 +243,7 @@ def _beside(placed: FloatArray, edge: Four, radius: float, slack: float, move: F
     return overlap, may
 
 
-@njit(cache=True)
+@callee
 def _reach(body: FloatArray) -> float:
     """Return the largest distance of the edges from the reference point, metres."""
     reach = 0.0
@@ -258,7 +252,7 @@ def _reach(body: FloatArray) -> float:
     return reach
 
 
-@njit(cache=True)
+@array_callee
 def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, int]:
     """Return the edges of a group's runs, at the beginning of ``memory``, or of more where that is too little."""
     n = 0
@@ -272,14 +266,14 @@ def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, i
     return memory, n
 
 
-@njit(cache=True)
+@array_callee
 def _doubled(array: IntArray) -> IntArray:
     larger = np.empty(2 * len(array), np.int64)
     larger[: len(array)] = array
     return larger
 
 
-@njit(cache=True)
+@array_callee
 def _interval(robot: _Body, way: Way, i: int, middle: float, half: float) -> tuple[float, float, Four]:
     """Return where the robot is in the middle of an interval of motion ``i``, x and y, and half of how it moves in it.
 
@@ -304,7 +298,7 @@ def _interval(robot: _Body, way: Way, i: int, middle: float, half: float) -> tup
     return x, y, (vx, vy, turn, bend)
 
 
-@njit(cache=True)
+@callee
 def _apart(first: Four, second: Four) -> tuple[float, float, float]:
     """Return how near an end of one segment comes to the other one, and the direction from the second to the first."""
     gap, nx, ny = np.inf, 0.0, 0.0
@@ -316,7 +310,7 @@ def _apart(first: Four, second: Four) -> tuple[float, float, float]:
     return gap, nx, ny
 
 
-@njit(cache=True)
+@callee
 def _nearest(px: float, py: float, edge: Four) -> tuple[float, float, float]:
     """Return the distance of a point from a segment, and the direction from there to it."""
     ax, ay, bx, by = edge
@@ -333,13 +327,13 @@ def _nearest(px: float, py: float, edge: Four) -> tuple[float, float, float]:
     return (distance, wx / distance, wy / distance) if distance > 0.0 else (0.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@callee
 def _cross(first: Four, second: Four) -> bool:
     """Return whether two segments cross each other."""
     return _parted(first, second) and _parted(second, first)
 
 
-@njit(cache=True)
+@callee
 def _parted(line: Four, ends: Four) -> bool:
     """Return whether the ends of a segment lie on different sides of a line."""
     dx, dy = line[2] - line[0], line[3] - line[1]

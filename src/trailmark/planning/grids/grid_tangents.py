@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
-from trailmark.compiled import njit
 from trailmark.formats.grid import CellObstacles, cells_of
 from trailmark.heap import WAITING, Labels, add_label, entry_of, heap_pop, new_labels, with_room
+from trailmark.jit import callee, njit
 from trailmark.landmarks.grid_search import CLOSED, UNIT, flood
 from trailmark.se2 import FloatArray
 from trailmark.world import World
@@ -215,7 +215,7 @@ class Corners(NamedTuple):
     total: int  # number of corners
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _corners_of(
     blocked: NDArray[np.bool_],
 ) -> tuple[NDArray[np.bool_], Int32Array, Int32Array, NDArray[np.int8], Int32Array, int]:
@@ -243,7 +243,7 @@ def _corners_of(
     return blocked, right, left, side, following, count
 
 
-@njit(cache=True)
+@callee
 def _in_row(grid: Corners, row: int, low: float, high: float, found: Int32Array, count: int) -> int:
     """Write the corners of a row between two x coordinates, and return how many are written in all."""
     column = grid.following[row, max(0, ceil(low))] if low < grid.side.shape[1] - 1 else grid.side.shape[1]
@@ -254,7 +254,7 @@ def _in_row(grid: Corners, row: int, low: float, high: float, found: Int32Array,
     return count
 
 
-@njit(cache=True)
+@callee
 def _seen(
     grid: Corners,
     x: float,
@@ -321,7 +321,7 @@ def _seen(
     return count
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def _fits(grid: Corners, ax: float, ay: float, bx: float, by: float, radius: float) -> bool:
     """Return whether no blocked cell is nearer than ``radius`` to a segment, all in cells."""
     rows, columns = grid.blocked.shape
@@ -344,7 +344,7 @@ def _fits(grid: Corners, ax: float, ay: float, bx: float, by: float, radius: flo
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _all_fit(grid: Corners, points: FloatArray, radius: float) -> bool:
     """Return whether no blocked cell is nearer than ``radius`` to a path over points (n, 2), all in cells."""
     for i in range(len(points) - 1):
@@ -353,7 +353,7 @@ def _all_fit(grid: Corners, points: FloatArray, radius: float) -> bool:
     return True
 
 
-@njit(cache=True)
+@callee
 def _near(ax: float, ay: float, bx: float, by: float, left: float, low: float, radius: float) -> bool:
     """Return whether a segment comes nearer than ``radius`` to the unit square at (left, low)."""
     for x, y in ((ax, ay), (bx, by)):
@@ -385,7 +385,7 @@ _BLOCKED_X = np.array([-1, 1, -1, 1])
 _BLOCKED_Y = np.array([-1, -1, 1, 1])
 
 
-@njit(cache=True)
+@callee
 def _quadrant(grid: Corners, column: int, row: int, right: int) -> tuple[int, int]:
     """Return the signs of x and y of all directions in which a path passes a corner; ``right`` is 1, or 0 for left."""
     side = grid.side[row, column]
@@ -393,7 +393,7 @@ def _quadrant(grid: Corners, column: int, row: int, right: int) -> tuple[int, in
     return (-by, bx) if right else (by, -bx)
 
 
-@njit(cache=True)
+@callee
 def _last_direction(qx: int, qy: int, right: int) -> tuple[float, float]:
     """Return the direction in which a path leaves a corner, whose quadrant this is, after going all the way round."""
     # To the left of an axis direction lies the quadrant's other axis, or not.
@@ -401,7 +401,7 @@ def _last_direction(qx: int, qy: int, right: int) -> tuple[float, float]:
     return (0.0, float(qy)) if qx * qy == turn else (float(qx), 0.0)
 
 
-@njit(cache=True)
+@callee
 def _tangent(
     ax: float, ay: float, right_a: int, bx: float, by: float, right_b: int, radius: float
 ) -> tuple[float, float, float]:
@@ -422,14 +422,14 @@ def _tangent(
     return (length * ex - off * ey) / norm, (length * ey + off * ex) / norm, length
 
 
-@njit(cache=True)
+@callee
 def _touching(x: float, y: float, right: int, dx: float, dy: float, radius: float) -> tuple[float, float]:
     """Return where a path in a direction touches a circle (or the point itself)."""
     off = 0.0 if right < 0 else -radius if right else radius
     return x + off * dy, y - off * dx
 
 
-@njit(cache=True)
+@njit
 def _bends(circles: FloatArray, radius: float, arc: float) -> FloatArray:
     """Return the bends (n, 2) of a path along circles (k, 3: x, y, and its side as of tangents), in cells."""
     most = 2 + int(np.ceil(np.pi / arc))
@@ -480,7 +480,7 @@ TO_GOAL = -2
 """In place of a node: the goal."""
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _search(
     task: _Task, labels: Labels, begun: bool, limit: float, most: int
 ) -> tuple[bool, int, float, int, tuple[Any, ...]]:
@@ -530,7 +530,7 @@ def _search(
     return ended, end, key, expanded, labels[:]
 
 
-@njit(cache=True)
+@callee
 def _lead_on(
     task: _Task,
     labels: Labels,
@@ -575,7 +575,7 @@ def _lead_on(
             labels.more[new, LEFT], labels.more[new, OTHER] = left, newest
 
 
-@njit(cache=True)
+@callee
 def _further(labels: Labels, label: int, qx: int, qy: int, dx: float, dy: float, length: float, radius: float) -> float:
     """Return the length of the way to the end of a tangent from a label's circle; infinite if it turns back there."""
     if length < 0.0:
@@ -589,7 +589,7 @@ def _further(labels: Labels, label: int, qx: int, qy: int, dx: float, dy: float,
     return float(labels.cost[label] + radius * max(0.0, atan2(across, along)) + length)
 
 
-@njit(cache=True)
+@callee
 def _no_better(labels: Labels, other: int, cost: float, left: float, radius: float, closing: bool) -> bool:
     """Return whether one of a node's labels is no worse, at the turn's end, than a way; or close those no better."""
     turned = cost + radius * left

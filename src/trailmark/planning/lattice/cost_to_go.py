@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
-from trailmark.compiled import njit
+from trailmark.jit import array_callee, njit
 from trailmark.landmarks.grid_search import CLOSED, UNIT, flood
 from trailmark.motion.density import Density, densities
 from trailmark.se2 import FloatArray
@@ -108,7 +108,7 @@ class CostToGo(NamedTuple):
         return float(self.cost[row, column]) if inside else inf
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _dear(
     field: ClearanceField,
     x0: float,
@@ -144,7 +144,7 @@ def _dear(
     return dear
 
 
-@njit(cache=True)
+@array_callee
 def _under(begin: float, size: float, count: int, edge: float) -> NDArray[np.int64]:
     """Return the field's rows (or columns) under the middle of each of ``count`` cells, then under its other places."""
     places = max(1, round(size / (2.0 * edge)))

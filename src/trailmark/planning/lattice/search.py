@@ -18,13 +18,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline, now
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import FREE, state
-from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.heap import WAITING, Labels, add_label, entry_of, label_of, new_labels, next_label, with_room
+from trailmark.jit import array_callee, callee, njit
 from trailmark.landmarks.grid_search import STEP_X, STEP_Y
 from trailmark.landmarks.retraction import retract
 from trailmark.motion import DifferentialMotion, Motion, WeightedMotion
@@ -163,14 +163,14 @@ def _nodes_around(checker: StateChecker, q: FloatArray, size: float, headings: i
     return _Nodes(x - left * size, y - below * size, size, columns, rows, turned), below << BITS | left
 
 
-@njit(cache=True)
+@callee
 def _position(nodes: _Nodes, node: int) -> tuple[float, float]:
     """Return where a node's disc is centred, metres."""
     row, column = node >> BITS & ((1 << BITS) - 1), node & ((1 << BITS) - 1)
     return nodes.x0 + column * nodes.size, nodes.y0 + row * nodes.size
 
 
-@njit(cache=True)
+@callee
 def _moved(nodes: _Nodes, node: int, move: int) -> int:
     """Return the node that a move leads to, -1 out of the lattice."""
     heading, row, column = node >> 2 * BITS, node >> BITS & ((1 << BITS) - 1), node & ((1 << BITS) - 1)
@@ -184,7 +184,7 @@ def _moved(nodes: _Nodes, node: int, move: int) -> int:
     return int((heading << BITS | row) << BITS | column)
 
 
-@njit(cache=True)
+@callee
 def _length(nodes: _Nodes, move: int) -> float:
     """Return the length of a move that is no turn, metres."""
     length = nodes.size * (1 << (move >> 3))
@@ -202,7 +202,7 @@ class _Guide(NamedTuple):
     rotation: float  # what a radian costs
 
 
-@njit(cache=True)
+@callee
 def _cost_to_go(nodes: _Nodes, node: int, guide: _Guide, cost: float) -> float:
     """Return the cost to go from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
     (x, y), to_go = _position(nodes, node), guide.to_go
@@ -215,14 +215,14 @@ def _cost_to_go(nodes: _Nodes, node: int, guide: _Guide, cost: float) -> float:
     return _in_cell(to_go, to_go.cost, x, y, np.inf)
 
 
-@njit(cache=True)
+@callee
 def _in_cell(to_go: CostToGo, cells: NDArray[np.float32], x: float, y: float, beyond: float) -> float:
     """Return what the cell of a place holds, ``beyond`` out of all cells: they may cover less than the lattice."""
     i, j = floor((y - to_go.y0) / to_go.size), floor((x - to_go.x0) / to_go.size)
     return float(cells[i, j]) if 0 <= i < cells.shape[0] and 0 <= j < cells.shape[1] else beyond
 
 
-@njit(cache=True)
+@callee
 def _cost_of_move(nodes: _Nodes, node: int, other: int, move: int, guide: _Guide) -> float:
     """Return what a move from a node to another costs: a metre what it costs on the mean at its ends."""
     if move >= TURNS:
@@ -232,13 +232,13 @@ def _cost_of_move(nodes: _Nodes, node: int, other: int, move: int, guide: _Guide
     return 0.5 * (_density(nodes, node, guide.to_go) + _density(nodes, other, guide.to_go)) * _length(nodes, move)
 
 
-@njit(cache=True)
+@callee
 def _density(nodes: _Nodes, node: int, to_go: CostToGo) -> float:
     x, y = _position(nodes, node)
     return _in_cell(to_go, to_go.density, x, y, to_go.least)
 
 
-@njit(cache=True)
+@callee
 def _best_span(nodes: _Nodes, node: int, direction: int, spans: int, guide: _Guide) -> int:
     """Return the move of more than one cell in a direction that promises most, -1 if there is none."""
     best, least = -1, np.inf
@@ -252,7 +252,7 @@ def _best_span(nodes: _Nodes, node: int, direction: int, spans: int, guide: _Gui
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _search(
     kind: Any,
     nodes: _Nodes,
@@ -276,7 +276,7 @@ def _search(
         if label < 0:
             continue
         expanded += 1
-        if expanded % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if expanded % CLOCK_EVERY == 0 and over(deadline):
             break
         node, q = labels.node[label], labels.q[label]
         labels.closed[label] = FAILED
@@ -324,7 +324,7 @@ def _search(
     return np.empty((0, 3)), expanded
 
 
-@njit(cache=True)
+@callee
 def _place(kind: Any, scratch: Scratch, nodes: _Nodes, node: int, retracts: bool, q: FloatArray) -> bool:
     """Write a node's configuration into q, pushed off the obstacles if need be; return whether it is valid."""
     x, y = _position(nodes, node)
@@ -339,7 +339,7 @@ def _place(kind: Any, scratch: Scratch, nodes: _Nodes, node: int, retracts: bool
     return bool(state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE)
 
 
-@njit(cache=True)
+@callee
 def _near_goal(nodes: _Nodes, node: int, guide: _Guide, q: FloatArray, goal: FloatArray) -> bool:
     """Return whether a node lies so near to the goal that a motion there may be expected."""
     x, y = _position(nodes, node)
@@ -348,7 +348,7 @@ def _near_goal(nodes: _Nodes, node: int, guide: _Guide, q: FloatArray, goal: Flo
     return len(nodes.turned) == 1 or abs(turn(q[2], goal[2])) < 3.0 * pi / len(nodes.turned)
 
 
-@njit(cache=True)
+@callee
 def _find_other_parent(
     kind: Any, scratch: Scratch, nodes: _Nodes, labels: Labels, label: int, spans: int, guide: _Guide
 ) -> None:
@@ -366,7 +366,7 @@ def _find_other_parent(
             cheapest, labels.cost[label], labels.parent[label] = cost, cost, before
 
 
-@njit(cache=True)
+@array_callee
 def _path_over(labels: Labels, label: int, start: FloatArray, goal: FloatArray) -> FloatArray:
     """Return the configurations from start to goal over a label's node."""
     length, at = 2, labels.parent[label]

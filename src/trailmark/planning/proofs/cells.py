@@ -27,8 +27,8 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import field_clearance, field_value
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import array_callee, callee, njit
 from trailmark.planning.proofs.region import MARGIN
 from trailmark.se2 import FloatArray
 
@@ -134,7 +134,7 @@ class Blocking(NamedTuple):
     robot: Footprint
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def leaf_at(cells: Table, division: Division, level: int, i: int, j: int, k: int) -> int:
     """Return the cell of that level and place, or the larger one that holds it if that was never split."""
     cell = (j >> level) * division.columns + (i >> level)
@@ -149,14 +149,14 @@ def leaf_at(cells: Table, division: Division, level: int, i: int, j: int, k: int
     return int(cell)
 
 
-@njit(cache=True)
+@callee
 def children_of(cells: Table, division: Division, cell: int) -> int:
     """Return how many children a cell has, or would have."""
     level = cells[cell, LEVEL]
     return 8 if division.turns[level + 1] > division.turns[level] else 4
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def split(cells: Table, division: Division, cell: int, used: int) -> int:
     """Give a cell its children, in the rows from ``used`` on; return the rows used then."""
     level, more = cells[cell, LEVEL], children_of(cells, division, cell)
@@ -171,7 +171,7 @@ def split(cells: Table, division: Division, cell: int, used: int) -> int:
     return used + more
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def neighbours(cells: Table, division: Division, cell: int, found: IntArray) -> tuple[int, IntArray]:
     """Write the undivided cells that share a part of a face with a cell; return their number, and the array.
 
@@ -224,7 +224,7 @@ def neighbours(cells: Table, division: Division, cell: int, found: IntArray) -> 
     return count, found
 
 
-@njit(cache=True)
+@array_callee
 def _longer(array: IntArray) -> IntArray:
     longer = np.empty(2 * len(array), np.int64)
     longer[: len(array)] = array
@@ -234,7 +234,7 @@ def _longer(array: IntArray) -> IntArray:
 # --- What a cell is.
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def kind_of(cells: Table, cell: int, by: Blocking) -> int:
     """Return whether a cell is BLOCKED, FREE or MIXED, and take it down."""
     known = cells[cell, STATE]
@@ -249,7 +249,7 @@ def kind_of(cells: Table, cell: int, by: Blocking) -> int:
     return found
 
 
-@njit(cache=True)
+@callee
 def decided(level: int, x: float, y: float, theta: float, by: Blocking) -> int:
     """Return what the cell of a level is, BLOCKED, FREE or MIXED, whose centre lies there."""
     c, s, enough = cos(theta), sin(theta), by.open[level] + MARGIN
@@ -261,7 +261,7 @@ def decided(level: int, x: float, y: float, theta: float, by: Blocking) -> int:
     return FREE if _gap(by.finest, enough, x, y, c, s, by) >= enough else MIXED
 
 
-@njit(cache=True)
+@array_callee
 def _gap(level: int, enough: float, x: float, y: float, c: float, s: float, by: Blocking) -> float:
     """Return the clearance of a level's core, dilated, 0 on overlap; it may be less if above ``enough`` and MARGIN."""
     gap = max(enough, MARGIN)
@@ -278,7 +278,7 @@ def _gap(level: int, enough: float, x: float, y: float, c: float, s: float, by: 
     return gap
 
 
-@njit(cache=True)
+@callee
 def _deep(level: int, x: float, y: float, c: float, s: float, by: Blocking) -> bool:
     """Return whether one of the robot's discs meets obstacles wherever in the cell the robot is.
 
@@ -309,6 +309,10 @@ def _deep(level: int, x: float, y: float, c: float, s: float, by: Blocking) -> b
 # --- The flood.
 
 
+Plain = tuple["Table", FloatArray, IntArray, IntArray]
+"""A :class:`Flood` as Python is given it: making a named tuple runs Python, which a signal may interrupt."""
+
+
 class Flood(NamedTuple):
     """A flood's table of cells and its queue.
 
@@ -334,7 +338,7 @@ def new_flood(columns: int, rows: int) -> Flood:
     return Flood(cells, np.empty(1024), np.empty(1024, np.int64), np.array([base, 0, 0, 0], np.int64))
 
 
-@njit(cache=True)
+@array_callee
 def _roomier(flood: Flood) -> Flood:
     """Return the flood with room for the children of one more cell and for one more entry of the queue."""
     cells, keys, values = flood.cells, flood.keys, flood.values
@@ -346,7 +350,7 @@ def _roomier(flood: Flood) -> Flood:
     return Flood(cells, keys, values, flood.counts)
 
 
-@njit(cache=True)
+@callee
 def _cell_of(flood: Flood, division: Division, pose: FloatArray) -> int:
     """Return the undivided cell that a pose lies in."""
     level = LEVELS - 1
@@ -357,7 +361,7 @@ def _cell_of(flood: Flood, division: Division, pose: FloatArray) -> int:
     return leaf_at(flood.cells, division, level, i, j, k)
 
 
-@njit(cache=True)
+@array_callee
 def _split(flood: Flood, division: Division, cell: int) -> Flood:
     """Return the flood with a cell's children in its place, which are not reached."""
     flood = _roomier(flood)
@@ -365,7 +369,7 @@ def _split(flood: Flood, division: Division, cell: int) -> Flood:
     return flood
 
 
-@njit(cache=True)
+@array_callee
 def _push(flood: Flood, cell: int, key: float) -> Flood:
     """Return the flood with a cell in its queue, by that key or the one it waits there with already."""
     if flood.cells[cell, QUEUED] != 0:
@@ -377,8 +381,8 @@ def _push(flood: Flood, cell: int, key: float) -> Flood:
     return flood
 
 
-@njit(cache=True, nogil=True)
-def begin(flood: Flood, by: Blocking, poses: FloatArray) -> Flood:
+@njit(nogil=True)
+def begin(flood: Flood, by: Blocking, poses: FloatArray) -> Plain:
     """Return a flood that is to begin at the first pose; both ends' cells are free or of the finest level."""
     division = by.division
     for cell in range(flood.counts[0]):
@@ -392,16 +396,17 @@ def begin(flood: Flood, by: Blocking, poses: FloatArray) -> Flood:
             cell = _cell_of(flood, division, poses[n])
         flood.counts[2 + n] = cell
     flood.counts[1] = 0
-    return _push(flood, flood.counts[2], 0.0)
+    flood = _push(flood, flood.counts[2], 0.0)
+    return flood.cells, flood.keys, flood.values, flood.counts
 
 
-@njit(cache=True, nogil=True)
-def resume(flood: Flood, by: Blocking, other: FloatArray, most: int) -> tuple[int, int, Flood]:
+@njit(nogil=True)
+def resume(flood: Flood, by: Blocking, other: FloatArray, most: int) -> tuple[int, int, Plain]:
     """Return what a flood has come to after ``most`` cells at most, how many it took, and the flood."""
     division, around, taken = by.division, np.empty(256, np.int64), 0
     while taken < most:
         if flood.counts[1] == 0:
-            return ENCLOSED, taken, flood
+            return ENCLOSED, taken, (flood.cells, flood.keys, flood.values, flood.counts)
         taken += 1
         flood.counts[1] = heap_pop(flood.keys, flood.values, flood.counts[1])
         key, cell = flood.keys[flood.counts[1]], flood.values[flood.counts[1]]
@@ -437,7 +442,8 @@ def resume(flood: Flood, by: Blocking, other: FloatArray, most: int) -> tuple[in
                 cells[cell, WAY] = hops + _across(cells, cell)
             cells[cell, FROM] = best
             if cell == flood.counts[3]:
-                return (UNRESOLVED if _mixed_before(cells, cell) else JOINED), taken, flood
+                answer = UNRESOLVED if _mixed_before(cells, cell) else JOINED
+                return answer, taken, (cells, flood.keys, flood.values, flood.counts)
         count, around = neighbours(cells, division, cell, around)
         hops = cells[cell, WAY]
         for n in range(count):
@@ -448,16 +454,16 @@ def resume(flood: Flood, by: Blocking, other: FloatArray, most: int) -> tuple[in
                     way = hops if kind == FREE else hops + 0.5 * _across(flood.cells, near)
                     key = WEIGHT * division.half[LEVELS - 1] * way + _left(flood.cells, division, near, other)
                     flood = _push(flood, near, key)
-    return UNDER_WAY, taken, flood
+    return UNDER_WAY, taken, (flood.cells, flood.keys, flood.values, flood.counts)
 
 
-@njit(cache=True)
+@callee
 def _across(cells: Table, cell: int) -> int:
     """Return a cell's edge, as the column WAY counts it."""
     return int(1 << (LEVELS - cells[cell, LEVEL]))
 
 
-@njit(cache=True)
+@callee
 def _left(cells: Table, division: Division, cell: int, other: FloatArray) -> float:
     """Return how far (metres) a cell's centre is from the other end's position."""
     half = division.half[cells[cell, LEVEL]]
@@ -465,7 +471,7 @@ def _left(cells: Table, division: Division, cell: int, other: FloatArray) -> flo
     return hypot(x - other[0], y - other[1])
 
 
-@njit(cache=True)
+@callee
 def _largest(cells: Table, cell: int, finest: int) -> int:
     """Return the largest of the mixed cells that led here from a free one, -1 if all are of the finest level."""
     best, level = -1, finest
@@ -476,7 +482,7 @@ def _largest(cells: Table, cell: int, finest: int) -> int:
     return best
 
 
-@njit(cache=True)
+@callee
 def _mixed_before(cells: Table, cell: int) -> bool:
     """Return whether the flood came to a cell through mixed ones, itself included."""
     while cell != ROOT:
@@ -486,7 +492,7 @@ def _mixed_before(cells: Table, cell: int) -> bool:
     return False
 
 
-@njit(cache=True)
+@array_callee
 def _divide(flood: Flood, division: Division, cell: int) -> Flood:
     """Return the flood with a cell divided, and what it had reached through it to be reached anew."""
     around, lost, count = np.empty(256, np.int64), np.empty(256, np.int64), 1
@@ -514,7 +520,7 @@ def _divide(flood: Flood, division: Division, cell: int) -> Flood:
 # --- The proof.
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def leads_across(flood: Flood, by: Blocking) -> tuple[bool, IntArray, IntArray]:
     """Return whether cells that are not blocked lead from one end's to the other's, each to the next over a face.
 

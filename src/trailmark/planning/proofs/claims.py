@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.landmarks.relaxation import CostMap, Relaxation
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
@@ -126,7 +126,7 @@ class Separation:
         return np.asarray(_cells_block(self._grid, np.ascontiguousarray(corners), self.reach))
 
 
-@njit(cache=True)
+@callee
 def _one_blocks(grid: ObstacleGrid, corners: FloatArray, reach: float) -> bool:
     """Return whether all corners, shape (k, 2), lie within reach of one and the same segment or disc."""
     x, y = corners[0, 0], corners[0, 1]
@@ -145,7 +145,7 @@ def _one_blocks(grid: ObstacleGrid, corners: FloatArray, reach: float) -> bool:
     return False
 
 
-@njit(cache=True)
+@callee
 def _near(grid: ObstacleGrid, item: int, x: float, y: float, reach: float) -> bool:
     """Return whether a point lies within reach of a segment or a disc."""
     if item < 0:
@@ -160,7 +160,7 @@ def _near(grid: ObstacleGrid, item: int, x: float, y: float, reach: float) -> bo
     return bool(hypot(x - (ax + share * dx), y - (ay + share * dy)) <= reach)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _edges_block(grid: ObstacleGrid, edges: FloatArray, reach: float) -> NDArray[np.bool_]:
     found = np.zeros(len(edges), np.bool_)
     waiting = np.empty((HALVINGS + 2, 2, 2))
@@ -187,7 +187,7 @@ def _edges_block(grid: ObstacleGrid, edges: FloatArray, reach: float) -> NDArray
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _cells_block(grid: ObstacleGrid, corners: FloatArray, reach: float) -> NDArray[np.bool_]:
     found = np.zeros(len(corners), np.bool_)
     for n in range(len(corners)):

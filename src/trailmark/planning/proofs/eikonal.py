@@ -24,8 +24,8 @@ from trailmark.collision.distances import point_clearance
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
 from trailmark.heading import turn
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import WeightedMotion
 from trailmark.motion.density import FAR, Density
 from trailmark.planning.fast_marching import march, on_diagonal
@@ -74,7 +74,7 @@ class Eikonal:
         return found + (0.0 if car else motion.density.rotation * abs(turn(start[2], goal[2])))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def least_densities(
     density: Density,
     grid: ObstacleGrid,
@@ -108,7 +108,7 @@ def least_densities(
     return found
 
 
-@njit(cache=True)
+@callee
 def _least_of_zones(density: Density, x: float, y: float, half: float) -> float:
     """Return the least that a metre costs in a square about (x, y), nearness to obstacles left out."""
     factor, speed = 1.0, density.speed
@@ -132,7 +132,7 @@ def _least_of_zones(density: Density, x: float, y: float, half: float) -> float:
     return float(density.length * factor + density.time / speed)
 
 
-@njit(cache=True)
+@callee
 def _meets(ax: float, ay: float, bx: float, by: float, half: float) -> bool:
     """Return whether the segment from a to b may meet the square about the origin; never False if it does."""
     if min(ax, bx) > half or max(ax, bx) < -half or min(ay, by) > half or max(ay, by) < -half:
@@ -142,7 +142,7 @@ def _meets(ax: float, ay: float, bx: float, by: float, half: float) -> bool:
     return abs(ax * dy - ay * dx) <= half * (abs(dx) + abs(dy)) * (1.0 + 1e-9)
 
 
-@njit(cache=True)
+@njit
 def _bound(least: FloatArray, x0: float, y0: float, size: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the bound from a to b by the least densities of squares; 0 where nothing can be told."""
     rows, columns = least.shape
@@ -156,12 +156,12 @@ def _bound(least: FloatArray, x0: float, y0: float, size: float, ax: float, ay: 
     return float((1.0 / ratio).sum() * lowest / len(ratio) * (1.0 - 1e-9))
 
 
-@njit(cache=True)
+@callee
 def _square(place: float, begin: float, size: float, count: int) -> int:
     return min(count - 1, max(0, int(np.floor((place - begin) / size))))
 
 
-@njit(cache=True)
+@array_callee
 def _ratios(value: FloatArray, least: FloatArray, size: float, highest: float) -> FloatArray:
     """Return the largest ratio of slope and density, >= 1, at equally wide levels of the value up to ``highest``."""
     ratio = np.ones(LEVELS)

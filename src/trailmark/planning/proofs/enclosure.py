@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.compiled import njit
 from trailmark.errors import ConfigurationError
+from trailmark.jit import array_callee, njit
 from trailmark.planning.proofs.cells import (
     BLOCKED,
     ENCLOSED,
@@ -153,12 +153,13 @@ def enclosure(
     floods = [space.flood(), space.flood()]
     for share, finest in product(SHARES, range(space.first, min(space.first + DEPTH, LEVELS))):
         by = space.blocking(finest, share)
-        floods = [begin(flood, by, order) for flood, order in zip(floods, orders, strict=True)]
+        floods = [Flood(*begin(flood, by, order)) for flood, order in zip(floods, orders, strict=True)]
         answer, n = UNDER_WAY, 0
         while answer == UNDER_WAY:
             if perf_counter() >= deadline or budget <= 0 or (stop is not None and stop()):
                 return None
-            answer, taken, floods[n] = resume(floods[n], by, orders[n][1], SLICE)
+            answer, taken, flood = resume(floods[n], by, orders[n][1], SLICE)
+            floods[n] = Flood(*flood)
             budget -= taken
             if answer == ENCLOSED:
                 across, rim, reached = leads_across(floods[n], by)
@@ -410,7 +411,7 @@ def shut_off(
     return shut
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _note_inside(
     centers: FloatArray, extents: FloatArray, wider: float, places: FloatArray, inside: NDArray[np.bool_]
 ) -> None:
@@ -427,7 +428,7 @@ def _note_inside(
                 inside[p, first:last] = True
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _note_collisions(by: Blocking, level: int, places: FloatArray, covered: NDArray[np.bool_]) -> None:
     """Note in which other parts of a turn the robot collides whatever its heading, where some of them are noted."""
     for p in range(len(places)):
@@ -439,7 +440,7 @@ def _note_collisions(by: Blocking, level: int, places: FloatArray, covered: NDAr
                         break
 
 
-@njit(cache=True)
+@array_callee
 def _collides(by: Blocking, level: int, place: FloatArray, part: int) -> bool:
     """Return whether the robot, proven, collides at a place with all headings of a part of a level's turn.
 

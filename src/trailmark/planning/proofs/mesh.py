@@ -21,8 +21,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["Mesh", "locate", "orientation", "orientations", "shortest_point_path", "triangulated"]
@@ -147,7 +147,7 @@ def _corners(points: FloatArray, edges: IntArray) -> NDArray[np.bool_]:
 # --- On which side of a line a point lies, without rounding.
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
     """Return a value above 0 if c lies left of the line from a to b, below 0 if right, 0 if it lies on it: exactly."""
     left, right = (ax - cx) * (by - cy), (ay - cy) * (bx - cx)
@@ -160,7 +160,7 @@ def orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float
     return _exactly(ax, ay, bx, by, cx, cy)
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def orientations(points: FloatArray, triples: IntArray) -> FloatArray:
     """Return the orientation of each triple (m, 3) of points (v, 2), shape (m,); only its sign means something."""
     found = np.empty(len(triples))
@@ -170,7 +170,7 @@ def orientations(points: FloatArray, triples: IntArray) -> FloatArray:
     return found
 
 
-@njit(cache=True)
+@array_callee
 def _exactly(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
     """Return the determinant's largest part: six products, each as a sum of two doubles, added up exactly."""
     # The parts, from the smallest to the largest; they do not overlap.
@@ -232,13 +232,13 @@ def shortest_point_path(mesh: Mesh, start: FloatArray, goal: FloatArray) -> tupl
     return float(length), np.array(different)
 
 
-@njit(cache=True)
+@callee
 def _side(ox: float, oy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return a value above 0 if b lies left of the ray from o to a, below 0 if right, but for rounding."""
     return (ax - ox) * (by - oy) - (ay - oy) * (bx - ox)
 
 
-@njit(cache=True)
+@callee
 def _beside(points: FloatArray, a: int, b: int, c: int) -> float:
     """Return a value above 0 if c lies left of the ray through a and b, below 0 if right, 0 if there is no ray."""
     if a == b:
@@ -246,7 +246,7 @@ def _beside(points: FloatArray, a: int, b: int, c: int) -> float:
     return float(orientation(points[a, 0], points[a, 1], points[b, 0], points[b, 1], points[c, 0], points[c, 1]))
 
 
-@njit(cache=True)
+@callee
 def _crossing(points: FloatArray, a: int, b: int, outer: int, inner: int) -> tuple[float, float]:
     """Return where the line through a and b crosses the edge between two vertices, or a hair nearer to ``outer``."""
     far, far_wrong = _distance(points, a, b, outer)
@@ -257,7 +257,7 @@ def _crossing(points: FloatArray, a: int, b: int, outer: int, inner: int) -> tup
     return ox + share * (points[inner, 0] - ox), oy + share * (points[inner, 1] - oy)
 
 
-@njit(cache=True)
+@callee
 def _distance(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float]:
     """Return the distance of c from the line through a and b, times that of a from b, and what may be wrong with it."""
     x, y = points[c, 0], points[c, 1]
@@ -265,7 +265,7 @@ def _distance(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float]
     return abs(left - right), ROUNDED * (abs(left) + abs(right))
 
 
-@njit(cache=True)
+@callee
 def _through(
     px: float, py: float, lx: float, ly: float, rx: float, ry: float, gx: float, gy: float
 ) -> tuple[float, float, float]:
@@ -294,7 +294,7 @@ def _through(
     return hypot(cx - px, cy - py) + hypot(gx - cx, gy - cy), cx, cy
 
 
-@njit(cache=True)
+@callee
 def _note(
     points: FloatArray,
     found: FloatArray,
@@ -315,7 +315,7 @@ def _note(
     kinds[n, AT_L + side], kinds[n, L1 + 2 * side], kinds[n, L2 + 2 * side] = vertex, a, b
 
 
-@njit(cache=True)
+@callee
 def _turns(points: FloatArray, best: FloatArray, via: IntArray, root: int, vertex: int) -> bool:
     """Return whether a shortest path may bend at a vertex, coming from a root, and take that down.
 
@@ -328,7 +328,7 @@ def _turns(points: FloatArray, best: FloatArray, via: IntArray, root: int, verte
     return bool(longer == best[vertex] and via[vertex] == root)
 
 
-@njit(cache=True)
+@callee
 def _expanded(
     points: FloatArray,
     triangles: IntArray,
@@ -399,7 +399,7 @@ def _expanded(
     return 2
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _search(
     points: FloatArray,
     triangles: IntArray,

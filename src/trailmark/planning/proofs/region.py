@@ -9,6 +9,7 @@ each edge's strip and the sector round its end lie in the sum of that edge and t
 farther from the outline. No bound is wrong by that: where neither end lies in the region, none is claimed.
 """
 
+# Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import pytest
 from numba.core.errors import TypingError
 
-from trailmark.compiled import by_type, njit, variant_of
-from trailmark.compiled.origin import origin_of
+from trailmark.jit import njit
+from trailmark.variants import by_type, variant_of
 
 
 class Circle(NamedTuple):
@@ -31,12 +31,12 @@ def _areas() -> Callable[[Any, float], float]:
         raise NotImplementedError
 
     @variant_of(area, Circle)
-    @njit()
+    @njit
     def _of_circle(circle: Circle, factor: float) -> float:
         return 3.0 * circle.radius * circle.radius * factor
 
     @variant_of(area, Square)
-    @njit()
+    @njit
     def _of_square(square: Square, factor: float) -> float:
         return square.side * square.side * factor
 
@@ -47,7 +47,7 @@ def _areas() -> Callable[[Any, float], float]:
 def test_python_and_compiled_code_choose_alike() -> None:
     area = _areas()
 
-    @njit()
+    @njit
     def both(circle: Circle, square: Square) -> float:
         return area(circle, 1.0) + area(square, 10)
 
@@ -60,11 +60,11 @@ def test_functions_of_one_name_have_variants_of_their_own() -> None:
     first, second = _areas(), _areas()
 
     @variant_of(second, Circle)
-    @njit()
+    @njit
     def _other(circle: Circle, factor: float) -> float:
         return -circle.radius * factor
 
-    @njit()
+    @njit
     def both(circle: Circle) -> tuple[float, float]:
         return first(circle, 1.0), second(circle, 1.0)
 
@@ -76,29 +76,7 @@ def test_a_type_without_a_variant_is_refused() -> None:
     with pytest.raises(KeyError):
         area(Point(1.0), 1.0)
     with pytest.raises((TypingError, KeyError)):
-        njit()(lambda point: area(point, 1.0))(Point(1.0))
-
-
-def test_what_calls_it_is_compiled_anew_once_a_variant_changes() -> None:
-    origins = []
-    for function in (_areas(), _areas()):
-
-        def calls(circle: Circle, area: Any = function) -> float:
-            return float(area(circle, 1.0))
-
-        origins.append(origin_of(calls))
-    changed = _areas()
-
-    @variant_of(changed, Square)
-    @njit()
-    def _other(square: Square, factor: float) -> float:
-        return square.side + factor
-
-    def calls_changed(circle: Circle, area: Any = changed) -> float:
-        return float(area(circle, 1.0))
-
-    calls_changed.__code__ = calls.__code__
-    assert origins[0] == origins[1] != origin_of(calls_changed)
+        njit(lambda point: area(point, 1.0))(Point(1.0))
 
 
 def test_the_name_and_the_text_are_the_function_s() -> None:
