@@ -121,7 +121,7 @@ def new_labels(capacity: int, more: int) -> Labels:
     )
 
 
-@njit(nogil=True)
+@register_jitable  # type: ignore[untyped-decorator,unused-ignore]  # as above
 def with_room(labels: Labels, count: int) -> Labels:
     """Return the labels with room for some more."""
     n, capacity = len(labels.node), len(labels.node)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.jit import njit
-from trailmark.motion.base import least_cost, obeys_triangle
+from trailmark.motion.base import least_cost
 from trailmark.roadmap.roadmap import EdgeStatus, Roadmap
 from trailmark.roadmap.search import (
     JOINED,
@@ -108,7 +108,7 @@ class RoadmapSnapshot:
         if closed is not None and len(closed):
             gaps = np.hypot(*(self.configurations[:, None, :2] - closed[:, :2]).transpose(2, 0, 1))
             banned = (gaps < closed[:, 2]).any(axis=1)
-        elif obeys_triangle(self.motion.kind) and self.motion.motions_between_valid(ends[:1], ends[1:])[0]:
+        elif self.motion.direct_is_best and self.motion.motions_between_valid(ends[:1], ends[1:])[0]:
             return ends
         for tried in NEIGHBOURS:
             enough = JOINED if tried == NEIGHBOURS[0] else tried
