@@ -361,6 +361,8 @@ def _point(value: object, name: str) -> tuple[float, float]:
 
 
 def _positive(value: object, name: str) -> float:
+    if type(value) is float and 0.0 < value <= LIMIT:
+        return value
     return number(value, name, above=0.0, maximum=LIMIT, unit="m", error=ShapeError)
 
 

@@ -29,7 +29,14 @@ from trailmark.shown import Shown
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 __all__ = [
-    *("BOUNDS_LIMIT", "KEEP_OUT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World", "keep_outs"),
+    "BOUNDS_LIMIT",
+    "KEEP_OUT",
+    "ObstacleEstimate",
+    "Query",
+    "RiskBound",
+    "Robot",
+    "World",
+    "keep_outs",
     "with_keep_outs",
 ]
 
