@@ -94,7 +94,8 @@ class Obstacles(NamedTuple):
                 raise WorldError(f"moving[{i}]: expected the region that it sweeps in its place, got {regions[i]}")
         for name in filter(lambda name: name is not None, checked[0]):
             _id(name, "ids:")
-        return cls(tuple(regions), *checked[:2], tuple(motions) if any(motions) else ()).require_unique_ids()
+        among = tuple(motions) if any(motions) else ()
+        return cls(tuple(regions), checked[0], checked[1], among).require_unique_ids()
 
 
 @dataclass(frozen=True)
@@ -272,7 +273,8 @@ def changes_of_edits(
 
     for name in each_of(remove, object, "edited: remove", error=WorldError):
         edits[place_of(name, "remove")] = None
-    for verb, given, edited in (("move", move, _moved), ("replace", replace, _row)):
+    changed: tuple[tuple[str, Any, Callable[..., Row]], ...] = (("move", move, _moved), ("replace", replace, _row))
+    for verb, given, edited in changed:
         if not isinstance(given, Mapping):
             raise WorldError(f"edited: {verb}: expected a mapping of ids or indices, got {brief(given)}")
         for name, value in given.items():
