@@ -186,14 +186,14 @@ def difference(before: Obstacles, after: Obstacles) -> Changes:
     others is unchanged, wherever it stands. One that has no id and was moved counts as removed and added.
     """
     old, new = before.rows(), after.rows()
-    left, right, items = list(range(len(old))), list(range(len(new))), list[Change]()
+    gone, come, items = list(range(len(old))), list(range(len(new))), list[Change]()
     for key in _MATCHES:
         places = defaultdict[Any, list[int]](list)
-        for j in reversed(right):
+        for j in reversed(come):
             places[key(new[j])].append(j)
         places.pop(None, None)
         rest, matched = [], set()
-        for i in left:
+        for i in gone:
             found = places.get(key(old[i]))
             if not found:
                 rest.append(i)
@@ -202,11 +202,11 @@ def difference(before: Obstacles, after: Obstacles) -> Changes:
             matched.add(j)
             if old[i] != new[j]:
                 items.append(Change.between(old[i], new[j], i, j))
-        left, right = rest, [j for j in right if j not in matched]
-        if not left or not right:
+        gone, come = rest, [j for j in come if j not in matched]
+        if not gone or not come:
             break
-    items += [Change.between(old[i], None, i, None) for i in left]
-    items += [Change.between(None, new[j], None, j) for j in right]
+    items += [Change.between(old[i], None, i, None) for i in gone]
+    items += [Change.between(None, new[j], None, j) for j in come]
     return Changes(tuple(items))
 
 

@@ -246,7 +246,9 @@ class LazyShapes(Sequence[Shape]):
         return (*others, *self)
 
     def __eq__(self, other: object) -> bool:
-        return self is other or (tuple(other) == self.shapes if isinstance(other, tuple | LazyShapes) else False)
+        if self is other:
+            return True
+        return tuple(other) == self.shapes if isinstance(other, tuple | LazyShapes) else NotImplemented
 
     def __hash__(self) -> int:
         return hash(self.shapes)
