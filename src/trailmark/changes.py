@@ -232,7 +232,7 @@ def apply(obstacles: Obstacles, changes: Changes) -> Obstacles:
         new: list[Any] = [getattr(come[i], field) for i in places]
         values: list[Any] = []
         if column or any(value is not None for value in new):
-            values += column or repeat(None, before)
+            values.extend(column or repeat(None, before))
             for i in sorted(gone, reverse=True):
                 del values[i]
             for i, value in zip(places, new, strict=True):
