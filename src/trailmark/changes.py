@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from dataclasses import replace as replaced
 from itertools import repeat
@@ -42,20 +42,18 @@ class Obstacles(NamedTuple):
         """Return what is said of each obstacle."""
         return list(zip(self.shapes, *(column or repeat(None) for column in self[1:]), strict=False))
 
-    @classmethod
-    def of(cls, rows: Sequence[Row]) -> Obstacles:
-        """Return the obstacles that rows say.
+    def row(self, i: int) -> Row:
+        """Return what is said of one obstacle."""
+        ids, estimates, moving = (column[i] if column else None for column in self[1:])
+        return self.shapes[i], ids, estimates, moving  # type: ignore[return-value]  # the columns' own kinds
 
-        Raises:
-            WorldError: two of the same id.
-        """
-        shapes, *columns = zip(*rows, strict=True) if rows else [()] * 4
-        obstacles = cls(shapes, *(column if any(v is not None for v in column) else () for column in columns))
-        names = [name for name in obstacles.ids if name is not None]
+    def require_unique_ids(self) -> Obstacles:
+        """Return the same, or raise a WorldError if two have the same id."""
+        names = [name for name in self.ids if name is not None]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise WorldError(f"ids: expected each id once, got {twice!r} more than once")
-        return obstacles
+        return self
 
     @classmethod
     def checked(cls, shapes: Iterable[Any], ids: Any, estimates: Any, moving: Any) -> Obstacles:
@@ -67,9 +65,10 @@ class Obstacles(NamedTuple):
         """
         if isinstance(shapes, LazyShapes) and not (ids or estimates or moving):
             return cls(shapes.as_tuple())
-        given: Iterable[Any] = each_of(shapes, object, "obstacles", error=WorldError)
-        placed = tuple(shape for i, part in enumerate(given) for shape in shapes_of(part, f"obstacles[{i}]"))
-        each_of(placed, (*SHAPES, Moving), "obstacles", error=WorldError)
+        placed: tuple[Any, ...] = each_of(shapes, object, "obstacles", error=WorldError)
+        if not all(isinstance(part, (*SHAPES, Moving)) for part in placed):
+            placed = tuple(shape for i, part in enumerate(placed) for shape in shapes_of(part, f"obstacles[{i}]"))
+            each_of(placed, (*SHAPES, Moving), "obstacles", error=WorldError)
         columns = {"ids": (ids, str), "estimates": (estimates, ObstacleEstimate), "moving": (moving, Moving)}
         checked: list[tuple[Any, ...]] = []
         for name, (values, kind) in columns.items():
@@ -78,20 +77,25 @@ class Obstacles(NamedTuple):
                 raise WorldError(
                     f"{name}: expected one for each of {len(placed)} obstacles, or none, got {len(column)}"
                 )
-            checked.append(column or (None,) * len(placed))
-        rows, beside = [], any(motion is not None for motion in checked[2])
-        for i, (shape, name, estimate, motion) in enumerate(zip(placed, *checked, strict=True)):
-            if isinstance(shape, Moving) and beside:
-                raise WorldError(
-                    "moving: expected moving obstacles either among the obstacles or beside them, got both"
-                )
-            found, region = (shape, shape.swept) if isinstance(shape, Moving) else (motion, shape)
-            if found is not None and estimate is not None:
+            checked.append(column if any(value is not None for value in column) else ())
+        if not any(checked) and not any(isinstance(shape, Moving) for shape in placed):
+            return cls(placed)
+        regions, motions = list(placed), list[Moving | None](checked[2] or (None,) * len(placed))
+        for i, shape in enumerate(placed):
+            if isinstance(shape, Moving):
+                if checked[2]:
+                    allowed = "moving obstacles either among the obstacles or beside them"
+                    raise WorldError(f"moving: expected {allowed}, got both")
+                regions[i], motions[i] = shape.swept, shape
+            motion = motions[i]
+            if motion is not None and checked[1] and checked[1][i] is not None:
                 raise WorldError(f"obstacles[{i}]: expected an estimate or a motion, got both")
-            if found is not None and region is not found.swept and region != found.swept:
-                raise WorldError(f"moving[{i}]: expected the region that it sweeps in its place, got {region}")
-            rows.append((region, None if name is None else _id(name, "ids:"), estimate, found))
-        return cls.of(rows)
+            if motion is not None and regions[i] is not motion.swept and regions[i] != motion.swept:
+                raise WorldError(f"moving[{i}]: expected the region that it sweeps in its place, got {regions[i]}")
+        for name in filter(lambda name: name is not None, checked[0]):
+            _id(name, "ids:")
+        among = tuple(motions) if any(motions) else ()
+        return cls(tuple(regions), checked[0], checked[1], among).require_unique_ids()
 
 
 @dataclass(frozen=True)
@@ -182,14 +186,14 @@ def difference(before: Obstacles, after: Obstacles) -> Changes:
     others is unchanged, wherever it stands. One that has no id and was moved counts as removed and added.
     """
     old, new = before.rows(), after.rows()
-    left, right, items = list(range(len(old))), list(range(len(new))), list[Change]()
+    gone, come, items = list(range(len(old))), list(range(len(new))), list[Change]()
     for key in _MATCHES:
         places = defaultdict[Any, list[int]](list)
-        for j in reversed(right):
+        for j in reversed(come):
             places[key(new[j])].append(j)
         places.pop(None, None)
         rest, matched = [], set()
-        for i in left:
+        for i in gone:
             found = places.get(key(old[i]))
             if not found:
                 rest.append(i)
@@ -198,11 +202,11 @@ def difference(before: Obstacles, after: Obstacles) -> Changes:
             matched.add(j)
             if old[i] != new[j]:
                 items.append(Change.between(old[i], new[j], i, j))
-        left, right = rest, [j for j in right if j not in matched]
-        if not left or not right:
+        gone, come = rest, [j for j in come if j not in matched]
+        if not gone or not come:
             break
-    items += [Change.between(old[i], None, i, None) for i in left]
-    items += [Change.between(None, new[j], None, j) for j in right]
+    items += [Change.between(old[i], None, i, None) for i in gone]
+    items += [Change.between(None, new[j], None, j) for j in come]
     return Changes(tuple(items))
 
 
@@ -212,22 +216,30 @@ def apply(obstacles: Obstacles, changes: Changes) -> Obstacles:
     Raises:
         WorldError: the changes are not those of these obstacles.
     """
-    rows = obstacles.rows()
     gone = {item.index_before: item for item in changes.items if item.index_before is not None}
     come = {item.index_after: item for item in changes.items if item.index_after is not None}
+    before = len(obstacles.shapes)
     for i, item in gone.items():
-        known = i < len(rows) and rows[i][1] == item.id and (rows[i][0] is item.before or rows[i][0] == item.before)
-        if not known:
+        shape, name = obstacles.row(i)[:2] if i < before else (None, None)
+        if i >= before or name != item.id or (shape is not item.before and shape != item.before):
             raise WorldError(f"apply: expected changes of this world, got one of another: {item} at index {i}")
     places = sorted(item.index_after for item in changes.items if item.index_after is not None)
-    count = len(rows) - len(gone) + len(places)
-    if len(come) < len(places) or (places and places[-1] >= count):
-        raise WorldError(f"apply: expected changes with different indices below {count}, got {brief(places)}")
-    for i in sorted(gone, reverse=True):
-        del rows[i]
-    for i in places:
-        rows.insert(i, (come[i].after, come[i].id, come[i].estimate, come[i].moving))
-    return Obstacles.of(rows)
+    after = before - len(gone) + len(places)
+    if len(come) < len(places) or (places and places[-1] >= after):
+        raise WorldError(f"apply: expected changes with different indices below {after}, got {brief(places)}")
+    columns = []
+    for column, field in zip(obstacles, ("after", "id", "estimate", "moving"), strict=True):
+        new: list[Any] = [getattr(come[i], field) for i in places]
+        values: list[Any] = []
+        if column or any(value is not None for value in new):
+            values.extend(column or repeat(None, before))
+            for i in sorted(gone, reverse=True):
+                del values[i]
+            for i, value in zip(places, new, strict=True):
+                values.insert(i, value)
+        columns.append(tuple(values) if any(value is not None for value in values) else ())
+    result = Obstacles(*columns)
+    return result.require_unique_ids() if any(item.id and item.before is None for item in changes.items) else result
 
 
 def changes_of_edits(
@@ -245,7 +257,6 @@ def changes_of_edits(
     Raises:
         WorldError: an unknown or duplicate identity, an obstacle that is edited twice, or a value that is none.
     """
-    rows = obstacles.rows()
     places = {name: i for i, name in enumerate(obstacles.ids) if name is not None}
     edits: dict[int, Row | None] = {}
     verbs: dict[int, str] = {}
@@ -262,23 +273,24 @@ def changes_of_edits(
 
     for name in each_of(remove, object, "edited: remove", error=WorldError):
         edits[place_of(name, "remove")] = None
-    for verb, given, edited in (("move", move, _moved), ("replace", replace, _row)):
+    changed: tuple[tuple[str, Any, Callable[..., Row]], ...] = (("move", move, _moved), ("replace", replace, _row))
+    for verb, given, edited in changed:
         if not isinstance(given, Mapping):
             raise WorldError(f"edited: {verb}: expected a mapping of ids or indices, got {brief(given)}")
         for name, value in given.items():
             place = place_of(name, verb)
-            edits[place] = edited(value, rows[place], f"edited: {verb}[{brief(name)}]", grown)
+            edits[place] = edited(value, obstacles.row(place), f"edited: {verb}[{brief(name)}]", grown)
 
     lost = sorted(place for place, row in edits.items() if row is None)
     items = [
-        Change.between(rows[place], row, place, None if row is None else place - bisect_left(lost, place))
+        Change.between(obstacles.row(place), row, place, None if row is None else place - bisect_left(lost, place))
         for place, row in sorted(edits.items())
     ]
     named = isinstance(add, Mapping)
     new: Any = (
         add.items() if isinstance(add, Mapping) else enumerate(each_of(add, object, "edited: add", error=WorldError))
     )
-    for k, (name, obstacle) in enumerate(new, start=len(rows) - len(lost)):
+    for k, (name, obstacle) in enumerate(new, start=len(obstacles.shapes) - len(lost)):
         row = (None, _id(name, "edited: add:") if named else None, None, None)
         items.append(Change.between(None, _row(obstacle, row, f"edited: add[{brief(name)}]", grown), None, k))
     return Changes(tuple(items))

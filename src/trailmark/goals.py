@@ -162,9 +162,7 @@ class Goal:
     def near_boxes(self, middle: FloatArray, half: float) -> NDArray[np.bool_]:
         """Return which squares hold positions of the goal, shape (n,): all that do, and those that nearly do.
 
-        Args:
-            middle: of each, shape (n, 2).
-            half: an edge's, metres.
+        ``middle`` is that of each, shape (n, 2), and ``half`` half of an edge, metres.
         """
         if self.region is None:
             off = np.maximum(np.abs(middle - self.disc[0]) - half, 0.0)
@@ -233,10 +231,10 @@ class Goal:
 
 def _inwards(rim: FloatArray, middle: FloatArray, outside: Callable[[FloatArray], NDArray[np.bool_]]) -> FloatArray:
     """Return points of a rim, moved towards a middle inside by as little as rounding asks for, shape (n, ...)."""
-    found, left = rim.copy(), np.arange(len(rim))
+    found, remaining = rim.copy(), np.arange(len(rim))
     for share in INWARDS:
-        found[left] = rim[left] + share * (middle[left] - rim[left])
-        left = left[outside(found[left])]
+        found[remaining] = rim[remaining] + share * (middle[remaining] - rim[remaining])
+        remaining = remaining[outside(found[remaining])]
     return found
 
 

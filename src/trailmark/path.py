@@ -79,13 +79,9 @@ class Path:
         return self.length + se2.ROTATION_WEIGHT * self.rotation
 
     def at(self, fraction: ArrayLike) -> se2.FloatArray:
-        """Return the configurations at fractions of the cost along the path.
+        """Return the configurations at fractions of the cost along the path, shape (m, 3), or (3,) for a scalar.
 
-        Args:
-            fraction: values in [0, 1], shape (m,) or a scalar; values outside are clipped.
-
-        Returns:
-            Shape (m, 3), or (3,) for a scalar.
+        ``fraction`` holds values in [0, 1], shape (m,) or a scalar; those outside are clipped.
         """
         steps = se2.distance(self.states[:-1], self.states[1:])
         along = np.concatenate([[0.0], np.cumsum(steps)])

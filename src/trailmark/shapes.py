@@ -246,7 +246,9 @@ class LazyShapes(Sequence[Shape]):
         return (*others, *self)
 
     def __eq__(self, other: object) -> bool:
-        return self is other or (tuple(other) == self.shapes if isinstance(other, tuple | LazyShapes) else False)
+        if self is other:
+            return True
+        return tuple(other) == self.shapes if isinstance(other, tuple | LazyShapes) else NotImplemented
 
     def __hash__(self) -> int:
         return hash(self.shapes)
@@ -361,6 +363,8 @@ def _point(value: object, name: str) -> tuple[float, float]:
 
 
 def _positive(value: object, name: str) -> float:
+    if type(value) is float and 0.0 < value <= LIMIT:
+        return value
     return number(value, name, above=0.0, maximum=LIMIT, unit="m", error=ShapeError)
 
 

@@ -126,7 +126,7 @@ def test_what_the_roadmap_does_not_answer_is_planned() -> None:
     # Ten landmarks in a world of sixty obstacles answer next to nothing.
     planner = planner_for("rectangle")
     planner.build(10)
-    starts, goals = queries(planner, 6)
+    starts, goals = queries(planner, 12)
     results = planner.plan_many(starts, goals, time_limit=20.0, max_iterations=8)
     assert {r.status for r in results} == {"solved"}
     assert len(planner.roadmap) > 10
