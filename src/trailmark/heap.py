@@ -8,7 +8,7 @@ Source: linear probing with multiplicative hashing: Knuth, "The Art of Computer 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from trailmark.compiled import njit
 
 __all__ = [
     "COUNT",
+    "NO_LABELS",
     "WAITING",
     "Labels",
     "add_label",
@@ -100,6 +101,15 @@ class Labels(NamedTuple):
     keys: FloatArray  # heap of those that wait, (capacity,)
     values: IntArray  # their numbers
     counts: IntArray  # (2,) number of labels, and of those that wait
+
+
+_EMPTY: Any = (
+    *(np.empty(0, kind) for kind in (np.int64, np.int32, np.float64, np.uint8)),
+    *(np.empty((0, 0)) for _ in range(2)),
+    *(np.empty(0, kind) for kind in (np.int32, np.float64, np.int64)),
+)
+NO_LABELS = Labels(*_EMPTY, np.zeros(2, np.int64))
+"""Of a search that has not begun."""
 
 
 @njit(cache=True)
