@@ -107,8 +107,9 @@ _EMPTY: Any = (
     *(np.empty(0, kind) for kind in (np.int64, np.int32, np.float64, np.uint8)),
     *(np.empty((0, 0)) for _ in range(2)),
     *(np.empty(0, kind) for kind in (np.int32, np.float64, np.int64)),
+    np.zeros(2, np.int64),
 )
-NO_LABELS = Labels(*_EMPTY, np.zeros(2, np.int64))
+NO_LABELS = Labels(*_EMPTY)
 """Of a search that has not begun."""
 
 
