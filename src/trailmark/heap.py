@@ -8,7 +8,7 @@ Source: linear probing with multiplicative hashing: Knuth, "The Art of Computer 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
@@ -18,6 +18,7 @@ from trailmark.jit import njit
 
 __all__ = [
     "COUNT",
+    "NO_LABELS",
     "WAITING",
     "Labels",
     "add_label",
@@ -103,7 +104,17 @@ class Labels(NamedTuple):
     counts: IntArray  # (2,) number of labels, and of those that wait
 
 
-# Python calls it as it is: a named tuple that a kernel gives back is made by Python code, which a signal may interrupt.
+_EMPTY: Any = (
+    *(np.empty(0, kind) for kind in (np.int64, np.int32, np.float64, np.uint8)),
+    *(np.empty((0, 0)) for _ in range(2)),
+    *(np.empty(0, kind) for kind in (np.int32, np.float64, np.int64)),
+    np.zeros(2, np.int64),
+)
+NO_LABELS = Labels(*_EMPTY)
+"""Of a search that has not begun."""
+
+
+# Tests call it, too: a named tuple that a kernel gives back is made by Python code, which a signal may interrupt.
 @register_jitable  # type: ignore[untyped-decorator,unused-ignore]  # numba ships types in part
 def new_labels(capacity: int, more: int) -> Labels:
     """Return memory for a power of two of labels, none there yet, with ``more`` values of each."""

@@ -272,28 +272,6 @@ def test_a_robot_in_a_frame_that_moves_along_is_clear() -> None:
             assert (path_clear(obstacles, states, 1.0 - 0.1 * lag) < 0) == clear
 
 
-@pytest.mark.slow
-def test_what_comes_to_stand_is_avoided_as_well_as_what_moves() -> None:
-    robot, speed = ROBOTS["rectangle"], 2.0
-    planner = LandmarkPlanner(FIELD, robot, seed=0)
-    moving = {"cart": Moving(Disc((20.0, 4.0), 0.8), (0.0, 1.0), 8.0)}
-    world, path = FIELD.edited(add=moving), Path(np.array([START, GOAL]))
-    planner.update(world)
-    first = planner.replan(START, GOAL, path, speed=speed)
-    check(first, world, robot, speed, START, GOAL)
-    world = world.edited(add={"pallet": Rectangle((10.0, 10.0), 2.0, 4.0)})
-    planner.update(world)
-    second = planner.replan(START, GOAL, path, speed=speed)
-    assert second.path is not None
-    check(second, world, robot, speed, START, GOAL)
-    # Meanwhile the cart stops.
-    world = world.edited(replace={"cart": Disc((20.0, 8.0), 0.8)})
-    planner.update(world)
-    third = planner.replan(START, GOAL, second.path, speed=speed)
-    assert third.path is not None
-    check(third, world, robot, speed, START, GOAL)
-
-
 def test_a_robot_that_has_arrived_and_one_that_only_turns() -> None:
     moving = Moving(Disc((20.0, 4.0), 0.8), (0.0, 1.0), 8.0)
     turned = START + np.array([0.0, 0.0, 1.0])

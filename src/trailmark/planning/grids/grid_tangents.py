@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
 from trailmark.formats.grid import CellObstacles, cells_of
-from trailmark.heap import WAITING, Labels, add_label, entry_of, heap_pop, new_labels, with_room
+from trailmark.heap import NO_LABELS, WAITING, Labels, add_label, entry_of, heap_pop, new_labels, with_room
 from trailmark.jit import callee, njit
 from trailmark.landmarks.grid_search import CLOSED, UNIT, flood
 from trailmark.se2 import FloatArray
@@ -163,18 +163,13 @@ class TangentSearch:
     def __init__(self, task: _Task) -> None:
         self.task, self.limit, self.expanded = task, inf, 0
         self.length, self.bound = inf, float(np.hypot(*(task.goal - task.start)))
-        self._end = -1
-        self._labels: Labels | None = None
+        self._end, self._labels = -1, NO_LABELS
+        if _fits(task.grid, task.start[0], task.start[1], task.goal[0], task.goal[1], task.needed):
+            self.limit = self.length = self.bound
 
     def run(self, labels: int) -> bool:
         """Go on until that many more labels have been expanded; return whether the search has ended."""
-        begun = self._labels is not None
-        if self._labels is None:
-            start, goal = self.task.start, self.task.goal
-            if _fits(self.task.grid, start[0], start[1], goal[0], goal[1], self.task.needed):
-                self.limit = self.length = self.bound
-            self._labels = new_labels(1 << 10, 4)
-        ended, end, key, expanded, arrays = _search(self.task, self._labels, begun, self.limit, labels)
+        ended, end, key, expanded, arrays = _search(self.task, self._labels, self.limit, labels)
         self._labels = Labels(*arrays)
         self.expanded += int(expanded)
         if end >= 0:
@@ -186,7 +181,7 @@ class TangentSearch:
     def corners(self) -> IntArray:
         """Return the corners of the path that was found: columns column, row, whether on its right; shape (n, 3)."""
         nodes: list[int] = []
-        if self._labels is not None and self._end >= 0:
+        if self._end >= 0:
             label = int(self._labels.parent[self._end])
             while label >= 0:
                 nodes.append(int(self._labels.node[label]))
@@ -481,16 +476,14 @@ TO_GOAL = -2
 
 
 @njit(nogil=True)
-def _search(
-    task: _Task, labels: Labels, begun: bool, limit: float, most: int
-) -> tuple[bool, int, float, int, tuple[Any, ...]]:
+def _search(task: _Task, labels: Labels, limit: float, most: int) -> tuple[bool, int, float, int, tuple[Any, ...]]:
     """Return whether a search has ended, the goal's label or -1, the least key, labels expanded, and all of them."""
     grid, goal, expanded, ended, end, key = task.grid, task.goal, 0, False, -1, inf
     # What is not written to takes no memory, but addresses. A corner is seen in four quadrants, or two, at most once.
     found = np.empty((4 * grid.total + 4, 2), np.int32)
     stack = np.empty((grid.blocked.size // 2 + grid.blocked.shape[0] + 2, 3))
-    if not begun:
-        count = 0
+    if len(labels.node) == 0:
+        labels, count = new_labels(1 << 10, 4), 0
         for k in range(4):
             along_x, along_y = 1 if k % 2 else -1, 1 if k > 1 else -1
             count = _seen(grid, task.start[0], task.start[1], along_x, along_y, inf, inf, found, count, stack)
