@@ -97,7 +97,8 @@ def free_region(
         region = shapely.intersection(region, within)
         shapely.prepare(within)
         boxes = np.array([shape.bounding_box() for shape in shapes]).reshape(-1, 4) - [*origin, *origin]
-        shapes = [shapes[i] for i in np.flatnonzero(shapely.dwithin(shapely.box(*boxes.T), within, r + MARGIN))]
+        near = np.asarray(shapely.dwithin(shapely.box(*boxes.T), within, r + MARGIN))
+        shapes = [shapes[i] for i in np.flatnonzero(near).tolist()]
     polygons = _moved([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], origin)
     # GEOS rounds the number of a corner's chords: one may span half as much again as in a whole circle.
     quarter = QUARTER * 3 // 2 if inner else QUARTER
