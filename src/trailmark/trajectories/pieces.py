@@ -283,4 +283,5 @@ def one_way_respected(checker: StateChecker, pieces: Pieces, finer: int = FINER)
 def _near(boxes: FloatArray, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
     """Return which straight motions between states, shape (m, 3), may meet one of some boxes, shape (k, 4)."""
     low, high = np.minimum(a, b)[:, None, :2], np.maximum(a, b)[:, None, :2]
-    return np.asarray(((low <= boxes[:, 2:]) & (high >= boxes[:, :2])).all(axis=2).any(axis=1))
+    meets = np.asarray((low <= boxes[:, 2:]) & (high >= boxes[:, :2]))
+    return np.asarray(np.any(np.all(meets, axis=2), axis=1))

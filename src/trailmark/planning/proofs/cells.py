@@ -329,9 +329,9 @@ class Flood(NamedTuple):
     counts: IntArray
 
 
-def new_flood(columns: int, rows: int) -> Flood:
+def new_flood(division: Division) -> Flood:
     """Return a flood that has not begun: a table of the cells of level 0."""
-    base = columns * rows
+    columns, base = division.columns, division.columns * division.rows
     cells = np.zeros((2 * base + 4096, COLUMNS), np.int32)
     cells[:base, I], cells[:base, J] = np.arange(base) % columns, np.arange(base) // columns
     cells[:base, CHILD] = -1

@@ -60,7 +60,7 @@ def grid_separates(relaxation: Relaxation, to_goal: CostMap, start: FloatArray, 
     first, last = (int(relaxation.cells(relaxation.disc_centers(q))) for q in (start, goal))
     if component.ravel()[first] or not component.ravel()[last]:
         return False
-    around = np.flatnonzero(binary_dilation(component, np.ones((3, 3))) & ~component)
+    around = np.flatnonzero(binary_dilation(component, np.ones((3, 3), np.bool_)) & ~component)
     half = 0.5 * relaxation.size * (1.0 + 1e-9) + 1e-8
     return _block(separation, checker.world, relaxation.cell_centers(around), half)
 

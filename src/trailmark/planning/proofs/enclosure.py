@@ -100,17 +100,9 @@ class Enclosure(NamedTuple):
     rim_extents: FloatArray
 
 
-def enclosed(
-    checker: StateChecker,
-    start: ArrayLike,
-    goal: ArrayLike,
-    *,
-    seconds: float = np.inf,
-    stop: Stop | None = None,
-    budget: int = 2_000_000,
-) -> bool:
+def enclosed(checker: StateChecker, start: ArrayLike, goal: ArrayLike, **options: Any) -> bool:
     """Return whether it is proven that no path joins two valid configurations: arguments as :func:`enclosure`."""
-    return enclosure(checker, start, goal, seconds=seconds, stop=stop, budget=budget) is not None
+    return enclosure(checker, start, goal, **options) is not None
 
 
 def enclosure(
@@ -148,9 +140,10 @@ def enclosure(
     if checker.robot.sweep_radius == 0.0:
         return None
     space = space or Space(checker)
-    poses = space.poses(np.array(states))
+    # With the pivot's position in place of the reference point's.
+    poses = np.array([[*se2.transform(q, space.pivot[None])[0], q[2]] for q in states])
     orders = (poses, poses[::-1].copy())
-    floods = [space.flood(), space.flood()]
+    floods = [new_flood(space.division) for _ in orders]
     for share, finest in product(SHARES, range(space.first, min(space.first + DEPTH, LEVELS))):
         by = space.blocking(finest, share)
         floods = [Flood(*begin(flood, by, order)) for flood, order in zip(floods, orders, strict=True)]
@@ -241,14 +234,6 @@ class Space:
         x, y = (o + (2 * rows[:, c] + 1) * half for o, c in ((division.x0, I), (division.y0, J)))
         centers = np.column_stack([x, y, (2 * rows[:, K] + 1) * turn - pi])
         return centers, np.column_stack([half, half, turn])
-
-    def poses(self, ends: FloatArray) -> FloatArray:
-        """Return the ends with the pivot's position in place of the reference point's, shape (2, 3)."""
-        return np.column_stack([se2.transform(ends, self.pivot[None])[:, 0], ends[:, 2]])
-
-    def flood(self) -> Flood:
-        """Return a flood that has not begun."""
-        return new_flood(self.division.columns, self.division.rows)
 
 
 # --- What the robot covers wherever in a cell it is.

@@ -12,7 +12,7 @@ farther from the outline. No bound is wrong by that: where neither end lies in t
 # Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc
+from trailmark.shapes import Disc, Shape
 from trailmark.world import World
 
 __all__ = ["MARGIN", "QUARTER", "Stop", "ellipse", "free_region", "grown", "local_origin", "look", "region_parts"]
@@ -34,9 +34,8 @@ QUARTER = 8
 SHALLOW = 0.011
 """Share of the distance from which on a concavity is left as it is: GEOS's own 0.01 and what rounding may add."""
 
-CORNERS, TOGETHER = 64, 16
-"""Of a piece at most, where a polygon can be cut at all: the time that ``buffer`` takes grows faster than the corners;
-pieces grown between two looks at whether to stop."""
+TOGETHER = 16
+"""Polygons grown between two looks at whether to stop."""
 
 Stop = Callable[[], bool]
 """Whether to stop, asked now and then."""
@@ -94,21 +93,17 @@ def free_region(
         region = shapely.intersection(region, inside[0])
         if r > 0.0:
             taken += _strips(shapely.reverse(shapely.get_rings(inside)), r)
-    shapes, near = world.obstacles, None
+    shapes: Sequence[Shape] = world.obstacles
     if within is not None:
         region = shapely.intersection(region, within)
         shapely.prepare(within)
-
-        def near(boxes: FloatArray) -> NDArray[np.bool_]:
-            return np.asarray(shapely.dwithin(shapely.box(*boxes.T), within, r + MARGIN))
-
-        boxes = np.array([shape.bounding_box() for shape in shapes]).reshape(-1, 4)
-        shapes = [shapes[i] for i in np.flatnonzero(near(boxes - [*origin, *origin]))]
+        boxes = np.array([shape.bounding_box() for shape in shapes]).reshape(-1, 4) - [*origin, *origin]
+        near = np.asarray(shapely.dwithin(shapely.box(*boxes.T), within, r + MARGIN))
+        shapes = [shapes[i] for i in np.flatnonzero(near).tolist()]
     polygons = _moved([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], origin)
-    if r > 0.0:
-        # GEOS rounds the number of a corner's chords: one may span half as much again as in a whole circle.
-        polygons = grown(_pieces(polygons, near, stop), r, QUARTER * 3 // 2 if inner else QUARTER, stop)
-    taken += list(polygons)
+    # GEOS rounds the number of a corner's chords: one may span half as much again as in a whole circle.
+    quarter = QUARTER * 3 // 2 if inner else QUARTER
+    taken += grown(polygons, r, quarter, stop) if r > 0.0 else list(polygons)
     discs = np.array([(*s.center, s.radius) for s in shapes if isinstance(s, Disc)]).reshape(-1, 3)
     sizes = around_disc * (discs[:, 2] + r / around - margin)
     # A convex line is not simplified; its arcs are drawn inside.
@@ -174,34 +169,6 @@ def _moved(polygons: list[Any], origin: FloatArray | tuple[float, float]) -> NDA
     """Return polygons relative to an origin, shape (n,)."""
     array: NDArray[Any] = np.array(polygons, dtype=object)
     return array if not np.any(origin) else shapely.transform(array, lambda points: points - origin)
-
-
-def _pieces(
-    polygons: NDArray[Any], near: Callable[[FloatArray], NDArray[np.bool_]] | None, stop: Stop | None
-) -> NDArray[Any]:
-    """Return polygons with those of many corners cut into pieces, whose boxes are near: else they hold the same."""
-    done: list[Any] = []
-    while len(polygons):
-        large = shapely.get_num_coordinates(polygons) > CORNERS
-        done += list(polygons[~large])
-        halves: list[Any] = []
-        for polygon in polygons[large]:
-            look(stop)
-            low, high = np.array(polygon.bounds).reshape(2, 2)
-            axis = int(np.argmax(high - low))
-            middle = float(np.median(shapely.get_coordinates(polygon)[:, axis]))
-            if not low[axis] < middle < high[axis]:
-                done.append(polygon)
-                continue
-            first, last = high.copy(), low.copy()
-            first[axis] = last[axis] = middle
-            boxes = shapely.box(*np.array([[*low, *first], [*last, *high]]).T)
-            halves += list(shapely.get_parts(shapely.intersection(polygon, boxes)))
-        polygons = np.array([*halves, None], dtype=object)[:-1]
-        polygons = polygons[shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON]
-        if near is not None:
-            polygons = polygons[near(shapely.bounds(polygons))]
-    return np.array([*done, None], dtype=object)[:-1]
 
 
 def _strips(rings: NDArray[Any], r: float) -> list[Any]:
