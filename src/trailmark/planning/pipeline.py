@@ -64,14 +64,6 @@ def plan_single(
 ) -> PlanResult:
     """Return the answer to a query from one configuration to another; the caller holds the lock of the roadmap.
 
-    Args:
-        model: of the world.
-        start: configuration, shape (3,).
-        goal: configuration, shape (3,).
-        budget: what it may take.
-        on_progress: called after every step and with every better path.
-        known: states, shape (n, 3), of a path of certified motions between the motion's ends, to begin with.
-
     Raises:
         ConfigurationError: start or goal is not valid.
     """
@@ -106,13 +98,7 @@ def solve(query: Query, bound: AnyBound | None, known: FloatArray | None = None)
 
 
 class Stages:
-    """The stages of one query; each returns whether nothing is left to do after it.
-
-    Args:
-        query: with valid ends.
-        proofs: what can be proven about it.
-        known: states, shape (n, 3), of a path of certified motions to begin with; None without one.
-    """
+    """The stages of one query; each returns whether nothing is left to do after it."""
 
     def __init__(self, query: Query, proofs: Prover, known: FloatArray | None) -> None:
         self.query, self.proofs, self.given = query, proofs, known
