@@ -51,11 +51,10 @@ FILES = (
     "roadmap/files.py",
     "nearest.py",
     "planning/planner.py",
-    "planning/single_query.py",
-    "planning/solve.py",
+    "planning/dispatch.py",
+    "planning/pipeline.py",
     "planning/query.py",
-    "planning/rounds.py",
-    "planning/improvement.py",
+    "planning/placement.py",
     "planning/batch.py",
 )
 """Files between whose lines an interrupt may come."""
