@@ -367,7 +367,8 @@ def _propose_straight(
     kind: Any, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
     """Propose half, and a tenth, of the way to the straight motion, its heading alone, and a random place."""
-    q, straight, turns = near[1].copy(), np.empty(3), kind.robot.sweep_radius > 0.0
+    q: FloatArray = near[1].copy()
+    straight, turns = np.empty(3), kind.robot.sweep_radius > 0.0
     if attempt < 3:
         interpolate(kind, scratch, near[0], near[2], share * cost(kind, scratch, near[0], near[2]), straight)
         t = (0.5, 0.1, 0.0)[attempt]
@@ -395,7 +396,7 @@ def _propose_differential(
     kind: Differential, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
     """Propose the same, reached without a turn at its end."""
-    q = near[1].copy()
+    q: FloatArray = near[1].copy()
     if attempt < 2:
         q[:2] += (0.5, 0.1)[attempt] * (near[0, :2] + share * (near[2, :2] - near[0, :2]) - q[:2])
     elif attempt == 2:
@@ -410,7 +411,7 @@ def _propose_curve(
     kind: Curve, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
     """Propose a place on the curve between the neighbours, one along the heading, another heading, and random ones."""
-    q = near[1].copy()
+    q: FloatArray = near[1].copy()
     if attempt == 0:
         interpolate(kind, scratch, near[0], near[2], share * cost(kind, scratch, near[0], near[2]), q)
     elif attempt == 1:
