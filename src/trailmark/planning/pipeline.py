@@ -181,7 +181,7 @@ class Stages:
         if rounds.may_succeed():
             self._offer_disc_path()
         if not query.solved:
-            query.submit_known(self.lookup.search_before_landmarks())
+            query.submit_known(self.lookup.search(BEFORE_LANDMARKS))
         return False
 
     def landmarks(self) -> bool:
@@ -256,7 +256,7 @@ class Stages:
                 return
             query.submit(lattices.first_path())
             if not query.solved:
-                query.submit_known(self.lookup.search_beside(lattices.expanded))
+                query.submit_known(self.lookup.search(int(BESIDE * lattices.expanded)))
             if lattices.shut_in and not query.solved:
                 proofs.wait(PROOF_WAIT * (perf_counter() - query.budget.begin))
 
@@ -340,13 +340,13 @@ class RoadmapLookup:
         """Search over edges known to be free, a little."""
         return NONE if self.complete else self._find(weight=WEIGHT, budget=FIRST_BUDGET, checking=False)
 
-    def search_beside(self, expanded: int) -> FloatArray:
-        """Search within a share of what the other searches expanded."""
-        return self._search(int(BESIDE * expanded))
-
-    def search_before_landmarks(self) -> FloatArray:
-        """Search before landmarks are placed."""
-        return self._search(BEFORE_LANDMARKS)
+    def search(self, budget: int) -> FloatArray:
+        """Search over all edges, until so many nodes and edges were expanded in all."""
+        left = budget - self.expanded
+        if self.complete or left <= REPEAT * self._last_budget:
+            return NONE
+        self._last_budget = left
+        return self._find(weight=WEIGHT, budget=left)
 
     def search_for_better(self, limit: float, seconds_left: float) -> FloatArray:
         """Search for a path that costs ``limit`` (metres) at most, in a share of the time left."""
@@ -354,13 +354,6 @@ class RoadmapLookup:
             return NONE
         seconds = LAST_SHARE * seconds_left
         return self._find(limit=limit, budget=LAST_BUDGET, seconds=seconds, neighbours=LAST_NEIGHBOURS)
-
-    def _search(self, budget: int) -> FloatArray:
-        left = budget - self.expanded
-        if self.complete or left <= REPEAT * self._last_budget:
-            return NONE
-        self._last_budget = left
-        return self._find(weight=WEIGHT, budget=left)
 
     def _find(self, **options: float) -> FloatArray:
         found = self.roadmap.find_path(self.start, self.goal, **options)  # type: ignore[arg-type]  # each of its kind
@@ -388,14 +381,6 @@ def disc_path(
     the safe side: a way through a gap hardly wider than the disc, or from a place in contact, may be missed.
 
     Source: Cui, Harabor & Grastien, "Compromise-free pathfinding on a navigation mesh", IJCAI 2017.
-
-    Args:
-        world: obstacles, bounds, boundary.
-        radius: of the disc, metres.
-        start: its centre, shape (2,).
-        goal: its centre, shape (2,).
-        most: metres; longer ways are of no interest. The fewer obstacles lie near them, the sooner it is done.
-        seconds_left: until when it is to be done, or none is found; asked for what may take long, too.
     """
     by = perf_counter() + seconds_left()
     within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
