@@ -209,7 +209,8 @@ def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:
     again = CurvePath(np.array(curve["knots"]), Steering(curve["turning_radius"], curve["kind"] == "reeds-shepp"))
     assert again == result.path
     assert record["cost"] == record["length"] == again.length
-    assert record["states"] == again.states.tolist()
+    assert result.path is not None
+    assert record["states"] == result.path.states.tolist()
 
 
 @pytest.mark.slow
