@@ -58,7 +58,7 @@ NODES, QUERIES = (100, 300, 1000), 200
 def variants(case: Case) -> dict[str, PlannerSettings]:
     """Return the settings to compare on a problem, by name: what makes no difference to its robot is left out."""
     kind, straight = kind_of(case.problem.robot), case.problem.robot.turning_radius is None
-    unused = KEPT | (OF_CARS if straight else {"lattice", "node-retraction", "multi-steps", "other-ways"})
+    unused = KEPT | (OF_CARS if straight else {"bridges", "lattice", "node-retraction", "multi-steps", "other-ways"})
     unused |= {"background-proof"} if kind == "translation" else OF_DISCS
     found = {FULL: PlannerSettings(), CONTROL: PlannerSettings()}
     found |= {f"without {name}": PlannerSettings(without=(name,)) for name in STAGES if name not in unused}

@@ -210,6 +210,7 @@ def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:
     assert again == result.path
     assert record["cost"] == record["length"] == again.length
     # Where lines between its states would not be free, there are more of them.
+    assert result.path is not None
     assert record["states"] == result.path.states.tolist()
 
 

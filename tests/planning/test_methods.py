@@ -1,4 +1,4 @@
-"""Planning methods and mechanisms by name: each plans, with every kind of robot; wrong names are refused."""
+"""Planning methods and stages by name: each plans, with every kind of robot; wrong names are refused."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def plan(robot: str, settings: PlannerSettings, rounds: int = 6, gap: float = GA
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "lattice"])
 def test_every_method_finds_a_path(method: str, robot: str) -> None:
-    # How paths are improved afterwards is a matter of the mechanisms below.
+    # How paths are improved afterwards is a matter of the stages below.
     result = plan(robot, METHODS[method], rounds=4, gap=np.inf)
     assert result.path is not None
     # It ends where it should, and goes through both gaps.
@@ -82,15 +82,13 @@ TAKING_PART = {
     "disc": ["disc-path", "lattice", "shortening", "improvement"],
     "car": ["bands", "bridges", "hybrid-astar", "background-proof", "shortening", "improvement"],
 }
-"""Mechanisms that have a part in planning for a robot."""
+"""Stages that have a part in planning for a robot."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("robot", "mechanism"), [(robot, name) for robot, names in TAKING_PART.items() for name in names]
-)
-def test_the_planner_does_without_any_one_mechanism(mechanism: str, robot: str) -> None:
-    settings = PlannerSettings(without=(mechanism,), sweeps=5, first_sweeps=2, patience=1)
+@pytest.mark.parametrize(("robot", "stage"), [(robot, name) for robot, names in TAKING_PART.items() for name in names])
+def test_the_planner_does_without_any_one_stage(stage: str, robot: str) -> None:
+    settings = PlannerSettings(without=(stage,), sweeps=5, first_sweeps=2, patience=1)
     assert plan(robot, settings, rounds=2).status == "solved"
 
 

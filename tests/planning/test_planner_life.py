@@ -48,11 +48,10 @@ FILES = (
     "roadmap/snapshot.py",
     "roadmap/files.py",
     "planning/planner.py",
-    "planning/single_query.py",
-    "planning/solve.py",
+    "planning/dispatch.py",
+    "planning/pipeline.py",
     "planning/query.py",
-    "planning/rounds.py",
-    "planning/improvement.py",
+    "planning/placement.py",
     "planning/batch.py",
 )
 """Files between whose lines an interrupt may come."""

@@ -120,21 +120,6 @@ def test_what_fits_only_in_contact_is_said_to(robot: Robot) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("cell", "cells"), [(0.05, 10), (0.1, 3), (0.07, 9)])
-def test_a_passage_of_a_grid_fits_only_in_contact(cell: float, cells: int) -> None:
-    wall = np.zeros((60, 120), np.bool_)
-    wall[20:25] = True
-    wall[20:25, 50 : 50 + cells] = False
-    world, half = World.from_grid(wall, cell), 0.5 * cells * cell
-    start, goal = (20 * cell, 10 * cell, 0.0), (20 * cell, 50 * cell, 0.0)
-    result = planned(world, Robot.disc(half), goal, start)
-    assert result.status == "timeout"
-    assert "only in contact" in result.reason
-    assert f"{2.0 * half:g} m wide" in result.reason
-    assert planned(world, Robot.disc(half - 1e-4), goal, start).status == "solved"
-
-
-@pytest.mark.slow
 def test_what_ended_the_search_is_said() -> None:
     planner = LandmarkPlanner(door(0.5), Robot.disc(0.25), seed=0)
     goal = BEHIND

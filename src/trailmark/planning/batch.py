@@ -43,14 +43,7 @@ PLACES = 64
 
 
 class BatchSolver:
-    """Answers queries on a roadmap's snapshot.
-
-    Args:
-        snapshot: the roadmap, ready for queries.
-        bound: proves lower bounds; None leaves them at the cost of the direct motion.
-        settings: numbers that a person may change.
-        seed: of the shortening.
-    """
+    """Answers queries on a roadmap's snapshot."""
 
     def __init__(
         self, snapshot: RoadmapSnapshot, bound: LowerBound | None, settings: PlannerSettings, seed: int

@@ -77,14 +77,6 @@ def plan_explained(
 ) -> PlanResult:
     """Return the answer to one query, and why there is no path; those that let the roadmap grow take turns.
 
-    Args:
-        model: of the world.
-        start: configuration, shape (3,).
-        goal: configuration, shape (3,), or goals.
-        budget: what the query may take.
-        relax: keep as much of the clearance as there is.
-        on_progress: called after every step and with every better path.
-
     Raises:
         ConfigurationError: start or goal is not valid.
     """

@@ -78,12 +78,7 @@ Blocks = tuple[FloatArray, list[Penetration]]
 
 
 def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
-    """Return the states, shape (n, 3), from an invalid configuration to a valid one; None if none was found.
-
-    Args:
-        checker: for the world and the robot.
-        q: not valid, shape (3,).
-    """
+    """Return the states, shape (n, 3), from an invalid configuration to a valid one; None if none was found."""
     if _moves_sideways(checker):
         return _shift_out(checker, q, checker)
     rows = _drive_out(checker, q)

@@ -55,8 +55,8 @@ wait; twice as much at the next."""
 MAX_ATTEMPTS = 3
 """At one configuration once there is a path to another, or where rounds are counted, not seconds."""
 
-POLISHING_SHARE, CONTENDER = 0.4, 1.05
-"""Of the time left, what is kept for improving; and times the best cost up to which a path to another goal is, too."""
+POLISHING_SHARE = 0.4
+"""Of the time left: kept for improving the best path."""
 
 PROOF_SHARE = 0.1
 """Of the time left that one lower bound may take."""
@@ -84,8 +84,7 @@ def plan_to_goals(
         reached = None if one.path is None else _reached(one.path, 0, goals[0])
         return replace(one, goal=reached, target=goals)
     search = GoalSearch(model, model.checker.require_valid(start, "start"), goals, budget, on_progress)
-    search.stand()
-    search.go_straight()
+    search.begin()
     search.reach()
     search.polish()
     return search.result()
@@ -103,7 +102,6 @@ class GoalSearch:
         bounds: proven lower bound for each goal, its cost included, metres, shape (g,); infinite: no way.
         cost: of the best path, its goal's cost included, metres; infinite before there is one.
         path: the best, which passed the final check; None before there is one.
-        found: for each goal that a path is known to: the cheapest one's cost without the goal's, and its vertices.
 
     Raises:
         ConfigurationError: each goal is one configuration, and none is valid.
@@ -122,10 +120,9 @@ class GoalSearch:
         self.charges = np.array([goal.cost for goal in goals])
         self.bounds = np.array([self._least_cost(goal) for goal in goals]) + self.charges
         self._proven = np.zeros(len(goals), np.bool_)
-        self.cost, self._index, self._build = np.inf, -1, 0.0
+        self.cost, self._index, self._states, self._build = np.inf, -1, np.empty((0, 3)), 0.0
         self.path: Path | None = None
         self.nearest: Path | None = None
-        self.found: dict[int, tuple[float, FloatArray]] = {}
         self._history: list[tuple[float, float]] = []
         self.ends, self.of = np.empty((0, 3)), np.empty(0, np.int64)
         self.estimates, self.attempts = np.empty(0), np.empty(0)
@@ -294,20 +291,17 @@ class GoalSearch:
 
     # --- the search
 
-    def stand(self) -> None:
-        """Take the path of one state, where a goal holds the start."""
+    def begin(self) -> None:
+        """Take the path of one state, where a goal holds the start, or the cheapest candidate in sight."""
         inside = [i for i, goal in enumerate(self.goals) if goal.contains(self.start)]
         if inside:
             i = min(inside, key=lambda i: self.goals[i].cost)
             self._offer(self.motion.ends(self.start, self.start)[:1], i, self.start)
             self.attempts[self.of == i] = np.inf
-
-    def go_straight(self) -> None:
-        """Take the cheapest of the candidates that lie in sight, unless the path there is better."""
         order = np.argsort(self.estimates, kind="stable")
         order = order[(self.estimates < self.cost)[order]]
-        for begin in range(0, len(order), BATCH):
-            batch = order[begin : begin + BATCH]
+        for first in range(0, len(order), BATCH):
+            batch = order[first : first + BATCH]
             pairs = np.array([self.motion.ends(self.start, q) for q in self.ends[batch]])
             seen = self.motion.motions_between_valid(np.array(pairs[:, 0]), np.array(pairs[:, 1]))
             if seen.any():
@@ -385,26 +379,19 @@ class GoalSearch:
         return result
 
     def polish(self) -> None:
-        """Improve the best path, and those to other goals that are about as good, until proven or the time is up."""
-        contenders = sorted(self.found, key=lambda i: self.found[i][0] + self.charges[i])
-        for done, i in enumerate(contenders):
-            (cost, states), one = self.found[i], self.goals[i].configuration is not None
-            if cost + self.charges[i] > CONTENDER * self.cost or not self._better()[i]:
-                continue
-            if self.close_enough or self.budget.is_up():
-                return
-            self._prove(i)
-            if len(states) < 2 or (len(states) == 2 and not one):
-                continue
-            share = len(contenders) - done if done else min(len(contenders), 2)
-            end = np.array(states[-1])
-            if not self.motion.turns:
-                end = np.array(self.goals[i].nearest([*end[:2], self.start[2]])[0])
-            result = self._answer(i, end, self.budget.part(self.budget.seconds_left() / share), states)
-            if one and result.lower_bound is not None:
-                self._raise_bound(i, result.lower_bound)
-            if result.path is not None:
-                self._settle(vertices_of(self.motion, result.path), i, end)
+        """Improve the best path, until it is proven good enough or the time is up."""
+        i, states, one = self._index, self._states, self.goals[self._index].configuration is not None
+        if self.path is None or len(states) < 2 or (len(states) == 2 and not one):
+            return
+        self._prove(i)
+        if self.close_enough or self.budget.is_up():
+            return
+        end = np.array(self.path.states[-1])
+        result = self._answer(i, end, self.budget.part(self.budget.seconds_left()), states)
+        if one:
+            self._raise_bound(i, result.lower_bound or 0.0)
+        if result.path is not None:
+            self._settle(vertices_of(self.motion, result.path), i, end)
 
     def _settle(self, states: FloatArray, i: int, end: FloatArray) -> None:
         """Offer a path to a goal, then with the end that costs least."""
@@ -417,16 +404,13 @@ class GoalSearch:
         """Keep a path to a goal if it is the best so far and passes the final check; return whether it may be used."""
         cost = self.motion.whole_cost(self.motion.cost_of(states), self.start, end)
         total = cost + self.charges[i]
-        if i not in self.found or cost < self.found[i][0]:
-            self.found[i] = cost, states
         if total >= self.cost:
             return True
         path = self.motion.path(self.motion.whole_states(states, self.start, end))
         ends = np.array([self.start, end])
         if not self.goals[i].contains(path.states[-1]) or not self.model.verification.certified(path, ends):
-            del self.found[i]
             return False
-        self.cost, self.path, self._index = total, path, i
+        self.cost, self.path, self._index, self._states = total, path, i, states
         seconds = perf_counter() - self.budget.begin
         self._record(seconds, total)
         if self._on_progress is not None:

@@ -63,12 +63,6 @@ def _forever() -> float:
 class SharedRoadmap:
     """A roadmap, what it still has to be given, and a snapshot of it for many queries.
 
-    Args:
-        motion: that its edges are.
-        rng: source of randomness.
-        settings: numbers that a person may change.
-        to_place: landmarks asked for that are to be spread over all free space.
-
     Attributes:
         roadmap: the roadmap itself.
         lock: held by whoever lets the roadmap grow; those who only read a snapshot do without.
@@ -95,11 +89,6 @@ class SharedRoadmap:
 
         Landmarks that are valid no more come back beside the obstacle, if a short push leads there; freed space is
         given landmarks as dense as elsewhere.
-
-        Args:
-            motion: for that world.
-            removed: boxes that hold what went, shape (r, 4).
-            added: boxes that hold what came, shape (a, 4).
         """
         changed, checker = SharedRoadmap(motion, self._rng, self.settings, self.to_place), motion.checker
         found = revalidated(self.roadmap, motion, removed, added)
@@ -168,13 +157,7 @@ class SharedRoadmap:
         seconds_left: Callable[[], float] = _forever,
         report: Callable[[], object] | None = None,
     ) -> RoadmapSnapshot:
-        """Return the roadmap ready for many queries, as it is now or was not long ago; build one if there is none.
-
-        Args:
-            relaxation: makes the relaxed problem's grid, if it is needed.
-            seconds_left: asked before each part of the landmarks.
-            report: called after each part.
-        """
+        """Return the roadmap ready for many queries, as it is now or was not long ago; build one if there is none."""
         if (snapshot := self._snapshot) is not None and not self._outgrown(snapshot):
             return snapshot
         with self.lock:
@@ -207,14 +190,6 @@ def grow_general(
     report: Callable[[], object] | None = None,
 ) -> tuple[RoadmapSnapshot, bool]:
     """Add landmarks until random queries find their paths, and no much shorter ones when landmarks are doubled.
-
-    Args:
-        roadmap: what is there already is kept.
-        relaxation: the relaxed problem's grid.
-        rng: source of randomness.
-        settings: numbers that a person may change.
-        seconds_left: asked before each part of the landmarks, which begins only if it is expected to come to its end.
-        report: called after each part.
 
     Returns:
         The roadmap ready for queries, and whether it is as dense as the world asks for; else the time was up before.
@@ -269,14 +244,6 @@ def spread_landmarks(
 
     They are placed in parts, each as large as all before and clustered from the samples that lie farthest from those.
     Fewer than asked for come back where some centres share their nearest sample.
-
-    Args:
-        roadmap: to add them to.
-        count: how many.
-        rng: source of randomness.
-        settings: numbers that a person may change.
-        seconds_left: asked before each part, which begins only if it is expected to come to its end.
-        report: called after each part.
 
     Returns:
         How many of ``count`` were dealt with; fewer if the time was up.

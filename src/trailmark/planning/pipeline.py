@@ -62,14 +62,6 @@ def plan_single(
 ) -> PlanResult:
     """Return the answer to a query from one configuration to another; the caller holds the lock of the roadmap.
 
-    Args:
-        model: of the world.
-        start: configuration, shape (3,).
-        goal: configuration, shape (3,).
-        budget: what it may take.
-        on_progress: called after every step and with every better path.
-        known: states, shape (n, 3), of a path of certified motions between the motion's ends, to begin with.
-
     Raises:
         ConfigurationError: start or goal is not valid.
     """
@@ -104,13 +96,7 @@ def solve(query: Query, bound: LowerBound | None, known: FloatArray | None = Non
 
 
 class Stages:
-    """The stages of one query; each returns whether nothing is left to do after it.
-
-    Args:
-        query: with valid ends.
-        proofs: what can be proven about it.
-        known: states, shape (n, 3), of a path of certified motions to begin with; None without one.
-    """
+    """The stages of one query; each returns whether nothing is left to do after it."""
 
     def __init__(self, query: Query, proofs: Prover, known: FloatArray | None) -> None:
         self.query, self.proofs, self.given = query, proofs, known
@@ -193,7 +179,7 @@ class Stages:
         if rounds.may_succeed():
             self._offer_disc_path()
         if not query.solved:
-            query.submit_known(self.lookup.search_before_landmarks())
+            query.submit_known(self.lookup.search(BEFORE_LANDMARKS))
         return False
 
     def landmarks(self) -> bool:
@@ -268,7 +254,7 @@ class Stages:
                 return
             query.submit(lattices.first_path())
             if not query.solved:
-                query.submit_known(self.lookup.search_beside(lattices.expanded))
+                query.submit_known(self.lookup.search(int(BESIDE * lattices.expanded)))
             if lattices.shut_in and not query.solved:
                 proofs.wait(PROOF_WAIT * (perf_counter() - query.budget.begin))
 
@@ -353,13 +339,13 @@ class RoadmapLookup:
         """Search over edges known to be free, a little."""
         return NONE if self.complete else self._find(weight=WEIGHT, budget=FIRST_BUDGET, checking=False)
 
-    def search_beside(self, expanded: int) -> FloatArray:
-        """Search within a share of what the other searches expanded."""
-        return self._search(int(BESIDE * expanded))
-
-    def search_before_landmarks(self) -> FloatArray:
-        """Search before landmarks are placed."""
-        return self._search(BEFORE_LANDMARKS)
+    def search(self, budget: int) -> FloatArray:
+        """Search over all edges, until so many nodes and edges were expanded in all."""
+        left = budget - self.expanded
+        if self.complete or left <= REPEAT * self._last_budget:
+            return NONE
+        self._last_budget = left
+        return self._find(weight=WEIGHT, budget=left)
 
     def search_for_better(self, limit: float, seconds_left: float) -> FloatArray:
         """Search for a path that costs ``limit`` (metres) at most, in a share of the time left."""
@@ -367,13 +353,6 @@ class RoadmapLookup:
             return NONE
         seconds = LAST_SHARE * seconds_left
         return self._find(limit=limit, budget=LAST_BUDGET, seconds=seconds, neighbours=LAST_NEIGHBOURS)
-
-    def _search(self, budget: int) -> FloatArray:
-        left = budget - self.expanded
-        if self.complete or left <= REPEAT * self._last_budget:
-            return NONE
-        self._last_budget = left
-        return self._find(weight=WEIGHT, budget=left)
 
     def _find(self, **options: float) -> FloatArray:
         found = self.roadmap.find_path(self.start, self.goal, **options)  # type: ignore[arg-type]  # each of its kind
@@ -404,14 +383,6 @@ def disc_path(
     the safe side: a way through a gap hardly wider than the disc, or from a place in contact, may be missed.
 
     Source: Cui, Harabor & Grastien, "Compromise-free pathfinding on a navigation mesh", IJCAI 2017.
-
-    Args:
-        world: obstacles, bounds, boundary.
-        radius: of the disc, metres.
-        start: its centre, shape (2,).
-        goal: its centre, shape (2,).
-        most: metres; longer ways are of no interest. The fewer obstacles lie near them, the sooner it is done.
-        stop: asked now and then whether to stop, and find none.
     """
     within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
     try:

@@ -43,6 +43,10 @@ ROUNDS_PER_GRID = 2
 FINER = 5.0
 """Times as long as before the relaxed problem takes on cells half as large."""
 
+MISSES, TRIES, CLOSER = 6, 40, 0.95
+"""Bridges in a row that bring the parts of a roadmap no closer before it is given up; configurations tried at each
+place; and the share of the smallest distance so far that counts as closer."""
+
 LONGEST_DRIVE, DRIVE_LANDMARKS = 0.1, 80
 """Turning radii: a car's first drives in a tight place, half as long in each later round; landmarks kept of them."""
 
@@ -56,13 +60,7 @@ class Placement:
         self._seconds = 0.0
 
     def place(self, roadmap: Roadmap, widening: float, count: int) -> None:
-        """Join landmarks to a roadmap, if there is time for it.
-
-        Args:
-            roadmap: to add them to.
-            widening: how much longer than the relaxed shortest path the band's paths may be, as a share of it.
-            count: landmarks.
-        """
+        """Join landmarks to a roadmap, if there is time for it."""
         # The more landmarks, the longer each takes.
         if self._seconds * self.query.settings.landmark_growth * count > self.query.seconds_left():
             return
@@ -106,13 +104,6 @@ class Placement:
 
 class Rounds:
     """Looks for a first path by landmarks: each round draws from a wider band and places more of them.
-
-    Args:
-        query: under way.
-        proofs: asked when rounds keep failing.
-        placement: of landmarks, in the query's band.
-        lattices: looked over between rounds; None for a car.
-        refining: seconds that the relaxed problem took.
 
     Attributes:
         count: rounds so far.
@@ -170,10 +161,37 @@ class Rounds:
         self.placement.place(roadmap, widening, self.landmarks)
         if self.may_succeed():
             self.placement.search(roadmap, nodes)
+        if query.motion.moves_anywhere and query.settings.uses("bridges"):
+            self._bridge(roadmap, nodes)
         if not query.motion.has_lattice and query.settings.uses("hybrid-astar"):
             for reverse in (False, True):
                 if self.may_succeed() and not query.budget.is_up():
                     self._drive(roadmap, nodes, reverse=reverse)
+
+    def _bridge(self, roadmap: Roadmap, nodes: NDArray[np.int64]) -> None:
+        """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
+        from scipy.spatial import cKDTree
+
+        query, band, (start, goal) = self.query, self.band, nodes.tolist()
+        nearest, misses = np.full(3, np.inf), 0
+        while misses < MISSES and self.may_succeed() and not query.budget.is_up():
+            q = roadmap.configurations
+            ahead, behind = q[roadmap.reached(start)], q[roadmap.reached(goal, reverse=True)]
+            one, other = (se2.embed(part, query.motion.radius) for part in (ahead, behind))
+            pairs = cKDTree(other).query(one)[1]
+            gaps = np.linalg.norm(one - other[pairs], axis=1)
+            near, first, last = int(np.argmin(gaps)), band.nearest_to_goal(ahead), band.nearest_to_start(behind)
+            apart = np.array(
+                [gaps[near], band.costs_to_goal(ahead[[first]])[0], band.costs_to_start(behind[[last]])[0]]
+            )
+            misses = 0 if (apart < CLOSER * nearest).any() else misses + 1
+            nearest = np.minimum(nearest, apart)
+            # Where the parts come closest to one another, and to their ends on the relaxed way: the first tells of gaps
+            # in the headings, the others of gaps in the way.
+            places = (ahead[near], behind[pairs[near]], ahead[first], behind[last])
+            reach = band.relaxation.size * 2.0 ** query.rng.uniform(0.0, 4.0)
+            roadmap.add(np.concatenate([band.samples_near(place, reach, TRIES, query.rng) for place in places]))
+            self.placement.search(roadmap, nodes)
 
     def _drive(self, roadmap: Roadmap, nodes: NDArray[np.int64], *, reverse: bool) -> None:
         """Drive on from what the start leads to, or towards what leads to the goal, and search again."""
@@ -212,12 +230,6 @@ def improve(query: Query, placement: Placement, lattices: LatticeSchedule | None
     """Better the best path until it is settled, proven to be good enough, or the time is up.
 
     This goes on in a roadmap of its own, so that the planner's stays small enough for many queries.
-
-    Args:
-        query: with a path.
-        placement: of landmarks.
-        lattices: searched for other ways around; None for a car.
-        landmarks: placed in each round.
     """
     settings, incumbent = query.settings, query.incumbent
     roadmap = Roadmap(query.checker, query.motion)

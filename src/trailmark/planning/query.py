@@ -160,12 +160,6 @@ class Incumbent:
 class Query:
     """One query under way: the problem, what it may take, and what came of it so far.
 
-    Args:
-        model: of the world, with the planner's own roadmap.
-        ends: start and goal, valid, shape (2, 3).
-        budget: what it may take.
-        on_progress: called after every step and with every better path.
-
     Attributes:
         ends: start and goal as the motion leads from one to the other, shape (2, 3).
         incumbent: takes the paths that are found.

@@ -47,15 +47,7 @@ END = ("start", "goal")
 
 
 def explained(model: WorldModel, start: ArrayLike, goal: Ends, result: PlanResult, budget: Budget) -> PlanResult:
-    """Return a result with why there is no path; one with a path, as it is.
-
-    Args:
-        model: of the world.
-        start: of the query, shape (3,).
-        goal: of the query.
-        result: its answer.
-        budget: what it could take.
-    """
+    """Return a result with why there is no path; one with a path, as it is."""
     if result.path is not None:
         return result
     now, limit, stopped = perf_counter(), budget.limit, budget.stop is not None and budget.stop()

@@ -112,12 +112,6 @@ def rest_of(motion: Motion, path: Path, start: FloatArray, passed: Passed | None
     """Return what is left of a path, and where it is blocked.
 
     Motions that passed the final check in a world, and that nothing came near since, are free without being looked at.
-
-    Args:
-        motion: of the robot, in the world as it is.
-        path: being followed.
-        start: where the robot is, shape (3,), valid.
-        passed: the path that passed last.
     """
     vertices, checker = vertices_of(motion, path), motion.checker
     before, unknown, freed = None, np.ones(len(vertices) - 1, np.bool_), np.array([checker.world.bounds])
@@ -165,14 +159,7 @@ def located(motion: Motion, path: Path, vertices: FloatArray, q: FloatArray) -> 
 
 
 class Replanner:
-    """Answers one query for which there is a path already.
-
-    Args:
-        model: of the world as it is.
-        start: where the robot is, shape (3,), valid.
-        goal: shape (3,), valid.
-        options: how to.
-    """
+    """Answers one query for which there is a path already."""
 
     def __init__(self, model: WorldModel, start: FloatArray, goal: FloatArray, options: ReplanOptions) -> None:
         self.model, self.motion, self.start, self.goal = model, model.motion, start, goal
@@ -181,12 +168,7 @@ class Replanner:
         self.seconds_left, self.begin = options.seconds_left, perf_counter()
 
     def answer(self, path: Path, *, look: bool = False) -> ReplanResult:
-        """Return the path to follow from here on instead of ``path``, or the rest of it.
-
-        Args:
-            path: being followed.
-            look: for a better path though nothing was freed since this one passed the final check.
-        """
+        """Return the path to follow from here on instead of ``path``, or the rest of it."""
         rest = rest_of(self.motion, path, self.start, None if look else self.model.passed)
         if not np.array_equal(rest.vertices[-1], self.ends[1]):
             return as_replan(self._planned(None), "the path leads to another goal")

@@ -21,6 +21,7 @@ STAGES = {
     "multi-steps": "within lattices: moves across several positions",
     "other-ways": "within the improvement: lattices searched for other ways around",
     "bands": "within the landmarks: samples drawn where short paths are likely, not all over free space",
+    "bridges": "within the landmarks: more of them where the parts of the roadmap come closest",
     "hybrid-astar": "within the landmarks: a car's short drives from the parts of its roadmap",
     "background-proof": "within the landmarks: a proof that no path exists, sought beside the search for one",
     "shortening": "within all of them: paths are shortened",
@@ -141,7 +142,7 @@ class PlannerSettings:
         return asdict(self) | {"without": list(self.without)}
 
 
-_ROADMAP = ("lattice", "disc-path", "hybrid-astar")
+_ROADMAP = ("lattice", "disc-path", "bridges", "hybrid-astar")
 
 METHODS = {
     "landmark": PlannerSettings(),

@@ -1,7 +1,7 @@
-"""Path shortening with certified motions: shortcuts, moved vertices, added vertices, and needless ones left out.
+"""Path shortening with certified motions: shortcuts, also of headings alone, moved, added and needless vertices.
 
 Sources: shortcuts: Kavraki, Svestka, Latombe & Overmars 1996, section 4.5, and Geraerts & Overmars, "Creating
-high-quality paths for motion planning", IJRR 2007.
+high-quality paths for motion planning", IJRR 2007, which also brings shortcuts of single coordinates.
 """
 
 from __future__ import annotations
@@ -107,6 +107,7 @@ def _sweep(
         if not over(deadline):
             path, costs = _shortcut(kind, scratch, path, costs, seed)
     if not over(deadline):
+        turn_evenly(kind, scratch, path, seed)
         path = without_needless(kind, path, EFFORT)
         costs = _costs(kind, scratch, path)
         if splitting and not obeys_triangle(kind):
@@ -213,6 +214,49 @@ def _shortcut(
     if may_rise and after.sum() + extra_along(kind, scratch, fresh, 0, len(after)) > total + extra - GAIN:
         return path, costs
     return fresh, after
+
+
+@by_type
+def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
+    """Turn evenly between random vertices, in place, positions left alone, where that turns less and is certified."""
+    raise NotImplementedError
+
+
+@variant_of(turn_evenly, Translation)
+@variant_of(turn_evenly, Curve)
+@variant_of(turn_evenly, Differential)
+@callee
+def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
+    """Leave the headings: a disc has none, a car's follow from its curves, and others from where they drive."""
+
+
+@variant_of(turn_evenly, Weighted)
+@array_callee
+def _turn_weighted(kind: Weighted, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
+    turn_evenly(kind.motion, scratch, path, seed)
+
+
+@variant_of(turn_evenly, Straight)
+@array_callee
+def _turn_straight(kind: Straight, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
+    n = len(path)
+    for _ in range(5 + n if n > 2 else 0):
+        i = int(uniform(seed) * (n - 2))
+        j = i + 2 + int(uniform(seed) * (n - i - 2))
+        turned, length = 0.0, 0.0
+        for k in range(i, j):
+            turned += abs(turn(path[k, 2], path[k + 1, 2]))
+            length += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        shorter = turn(path[i, 2], path[j, 2])
+        free, along, changed = turned - abs(shorter) >= GAIN, 0.0, path[i : j + 1].copy()
+        for k in range(j - i if free else 0):
+            along += hypot(changed[k + 1, 0] - changed[k, 0], changed[k + 1, 1] - changed[k, 1])
+            if k < j - i - 1:
+                share = along / length if length > 0.0 else (k + 1) / (j - i)
+                changed[k + 1, 2] = wrapped(path[i, 2] + share * shorter)
+            free = free and certified(kind, scratch, changed[k], changed[k + 1], EFFORT)
+        if free:
+            path[i : j + 1] = changed
 
 
 @array_callee
@@ -368,7 +412,8 @@ def _propose_straight(
     kind: Any, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
     """Propose half, and a tenth, of the way to the straight motion, its heading alone, and a random place."""
-    q, straight, turns = near[1].copy(), np.empty(3), kind.robot.sweep_radius > 0.0
+    q: FloatArray = near[1].copy()
+    straight, turns = np.empty(3), kind.robot.sweep_radius > 0.0
     if attempt < 3:
         interpolate(kind, scratch, near[0], near[2], share * cost(kind, scratch, near[0], near[2]), straight)
         t = (0.5, 0.1, 0.0)[attempt]
@@ -396,7 +441,7 @@ def _propose_differential(
     kind: Differential, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
     """Propose the same, reached without a turn at its end."""
-    q = near[1].copy()
+    q: FloatArray = near[1].copy()
     if attempt < 2:
         q[:2] += (0.5, 0.1)[attempt] * (near[0, :2] + share * (near[2, :2] - near[0, :2]) - q[:2])
     elif attempt == 2:
@@ -411,7 +456,7 @@ def _propose_curve(
     kind: Curve, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
     """Propose a place on the curve between the neighbours, one along the heading, another heading, and random ones."""
-    q = near[1].copy()
+    q: FloatArray = near[1].copy()
     if attempt == 0:
         interpolate(kind, scratch, near[0], near[2], share * cost(kind, scratch, near[0], near[2]), q)
     elif attempt == 1:

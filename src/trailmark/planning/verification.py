@@ -26,13 +26,7 @@ WITHIN = 1e-3
 
 
 class Verification:
-    """Checks what is about to be returned, and makes the results.
-
-    Args:
-        checker: of the planner; gives world and robot, and clearances.
-        motion: that paths are made of.
-        seed: of the planner, for reports of errors.
-    """
+    """Checks what is about to be returned, and makes the results."""
 
     def __init__(self, checker: StateChecker, motion: Motion, seed: int) -> None:
         self.checker, self.motion, self.seed = checker, motion, seed
@@ -68,15 +62,7 @@ class Verification:
     def result(
         self, incumbent: Incumbent, status: Status, path: Path | None, roadmap: Roadmap, build: float = 0.0
     ) -> PlanResult:
-        """Return the result of a query.
-
-        Args:
-            incumbent: what is known of it.
-            status: of the query.
-            path: that passed the final check, if there is one.
-            roadmap: of the planner, to be counted.
-            build: seconds that were spent on what other queries use as well.
-        """
+        """Return the result of a query."""
         cost, error = self.cost(path, incumbent)
         return PlanResult(
             status=status,
