@@ -178,7 +178,7 @@ class Rounds:
             q = roadmap.configurations
             ahead, behind = q[roadmap.reached(start)], q[roadmap.reached(goal, reverse=True)]
             one, other = (se2.embed(part, query.motion.radius) for part in (ahead, behind))
-            pairs = cKDTree(other).query(one)[1]
+            pairs = np.asarray(cKDTree(other).query(one)[1])
             gaps = np.linalg.norm(one - other[pairs], axis=1)
             near, first, last = int(np.argmin(gaps)), band.nearest_to_goal(ahead), band.nearest_to_start(behind)
             apart = np.array(
