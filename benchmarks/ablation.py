@@ -43,7 +43,7 @@ Row = dict[str, Any]
 FULL, CONTROL, SAMPLES = "full planner", "the same once more", "samples for K-means"
 """Variants: what all are compared with, what tells how much of a difference is chance, and plain samples."""
 
-OF_CARS, OF_DISCS = {"hybrid-astar"}, {"disc-path"}
+OF_CARS, OF_DISCS = {"hybrid-astar", "redriving"}, {"disc-path"}
 KEPT = {"shortening", "improvement", "roadmap"}
 """What is not left out: it makes first paths better, not sooner, or serves later queries."""
 

@@ -20,6 +20,7 @@ STAGES = {
     "node-retraction": "within lattices: nodes that collide by little are pushed off the obstacles",
     "multi-steps": "within lattices: moves across several positions",
     "other-ways": "within the improvement: lattices searched for other ways around",
+    "redriving": "within the improvement: drives back to a car's path with fewer changes of direction",
     "bands": "within the landmarks: samples drawn where short paths are likely, not all over free space",
     "bridges": "within the landmarks: more of them where the parts of the roadmap come closest",
     "hybrid-astar": "within the landmarks: a car's short drives from the parts of its roadmap",
