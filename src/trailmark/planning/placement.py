@@ -19,8 +19,7 @@ from trailmark.landmarks import k_means_landmarks, repair_centres
 from trailmark.landmarks.band import Band
 from trailmark.landmarks.paper import algorithm_2
 from trailmark.path import Path
-from trailmark.planning.drive_tree import Targets
-from trailmark.planning.hybrid_astar import drive_to, hybrid_astar
+from trailmark.planning.hybrid_astar import Targets, drive_to, hybrid_astar
 from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import PROMISING, Incumbent, Query
