@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from trailmark.clock import Deadline, over
+from trailmark.clock import Deadline, _watch, over
 from trailmark.jit import njit
 
 
@@ -46,6 +46,21 @@ def test_a_kernel_that_does_nothing_else_sees_it_pass() -> None:
     begun = time.perf_counter()
     assert _looks(Deadline.after(0.1)) > 1000
     assert 0.1 <= time.perf_counter() - begun < 30.0
+
+
+def test_a_thread_that_an_exception_kept_from_beginning_is_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(thread: threading.Thread) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("trailmark.clock._watch", type(_watch)())
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            Deadline.after(0.05)
+    deadline, begun = Deadline.after(0.05), time.monotonic()
+    while not deadline.shown[0]:
+        assert time.monotonic() < begun + 30.0
+        time.sleep(0.001)
 
 
 def test_once_nobody_looks_at_a_deadline_no_thread_waits_for_it() -> None:

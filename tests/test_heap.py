@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from trailmark.heap import (
     COUNT,
     WAITING,
+    Labels,
     add_label,
     entry_of,
     heap_grow,
@@ -22,6 +23,7 @@ from trailmark.heap import (
     next_label,
     with_room,
 )
+from trailmark.jit import njit
 
 
 @pytest.mark.slow
@@ -43,15 +45,25 @@ def test_entries_come_out_smallest_first(numbers: list[float], data: st.DataObje
     assert expected == []
 
 
+@njit(nogil=True)
+def first_labels() -> Labels:
+    return new_labels(2, 1)
+
+
+@njit(nogil=True)
+def with_room_for_one(labels: Labels) -> Labels:
+    return with_room(labels, 1)
+
+
 NODES = st.one_of(st.integers(-3, 20), st.integers(-(2**62), 2**62))
 
 
 @pytest.mark.slow
 @given(st.lists(st.tuples(NODES, st.floats(0.0, 1e9)), max_size=40), st.sets(st.integers(0, 39)))
 def test_labels_are_found_by_node_and_come_out_by_key(found: list[tuple[int, float]], closed: set[int]) -> None:
-    labels, newest = new_labels(2, 1), dict[int, int]()
+    labels, newest = first_labels(), dict[int, int]()
     for i, (node, key) in enumerate(found):
-        labels = with_room(labels, 1)
+        labels = with_room_for_one(labels)
         assert add_label(labels, entry_of(labels, node), node, i - 1, 2.0 * key, key) == i == labels.counts[COUNT] - 1
         labels.q[i], labels.more[i], newest[node] = (i, key, 1.0), -key, i
         labels.closed[i] = i in closed

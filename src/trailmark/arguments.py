@@ -24,9 +24,32 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark.errors import ConfigurationError, InputWarning, TrailmarkError, expected_name
 
 __all__ = [
-    *("angle", "brief", "callback", "each_of", "number", "number_array", "one_of", "real", "truth", "warn_of_degrees"),
-    *("whole", "checked", "checked_arguments", "checked_fields", "Rule", "shaped", "Count", "Finite", "NonNegative"),
-    *("Numbers", "Positive", "PositiveOrInfinite", "Probability", "RandomState", "Seed", "Share"),
+    "Count",
+    "Finite",
+    "NonNegative",
+    "Numbers",
+    "Positive",
+    "PositiveOrInfinite",
+    "Probability",
+    "RandomState",
+    "Rule",
+    "Seed",
+    "Share",
+    "angle",
+    "brief",
+    "callback",
+    "checked",
+    "checked_arguments",
+    "checked_fields",
+    "each_of",
+    "number",
+    "number_array",
+    "one_of",
+    "real",
+    "shaped",
+    "truth",
+    "warn_of_degrees",
+    "whole",
 ]
 
 P = ParamSpec("P")

@@ -11,10 +11,10 @@ import math
 import os
 import threading
 import weakref
+from collections import deque
 from contextlib import suppress
 from itertools import count
-from queue import Empty, SimpleQueue
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,12 @@ __all__ = ["CLOCK_EVERY", "Deadline", "over"]
 CLOCK_EVERY = 32
 """Nodes that a search takes between two looks at its deadline."""
 
+
+SHORTEST = 1e-4
+"""Seconds: shorter deadlines have passed at once, before the thread could know of them."""
+
+LATE = 5e-3
+"""Seconds by which a deadline may be late."""
 
 LONGEST_LOOK = 0.5
 """Seconds after which the thread looks whether anybody still waits for a deadline."""
@@ -49,8 +55,8 @@ class Deadline(NamedTuple):
     @classmethod
     def after(cls, seconds: float) -> Deadline:
         """Return the deadline that is so many seconds from now; they may be infinite."""
-        shown = np.array([seconds <= 0.0, 0], np.int64)
-        if 0.0 < seconds < math.inf:
+        shown = np.array([seconds <= SHORTEST, 0], np.int64)
+        if SHORTEST < seconds < math.inf:
             _watch.add(perf_counter() + seconds, shown)
         return cls(shown, 1)
 
@@ -67,40 +73,46 @@ def over(deadline: Deadline) -> bool:
 class _Watch:
     """A thread that sets what deadlines show, each at its time, and ends once nobody looks at any.
 
-    It is told of them through a queue without a lock of Python's, which an exception might leave taken.
+    It looks by itself whether there are new ones: to wake it takes as long as a short search, and a plan makes a
+    hundred. Nothing here needs a lock of Python's, which an exception might leave taken.
     """
 
     def __init__(self) -> None:
-        self._new: SimpleQueue[Entry] = SimpleQueue()
+        self._new: deque[Entry] = deque()
         self._numbers = count()
         self._thread: threading.Thread | None = None
 
     def add(self, time: float, shown: NDArray[np.int64]) -> None:
         """Set an array at a time, as ``time.perf_counter`` reads it, if it is there then."""
-        self._new.put((time, next(self._numbers), weakref.ref(shown)))
-        if self._thread is None:  # where two are started, either takes some
+        self._new.append((time, next(self._numbers), weakref.ref(shown)))
+        # One that an exception kept from beginning is not alive. Where two are started, either takes some.
+        if (thread := self._thread) is None or not thread.is_alive():
             self._thread = threading.Thread(target=self._run, name="trailmark deadlines", daemon=True)
             self._thread.start()
 
     def _run(self) -> None:
         waiting: list[Entry] = []
+        looked = perf_counter()
         while True:
-            left = waiting[0][0] - perf_counter() if waiting else LONGEST_LOOK
-            with suppress(Empty):
-                heapq.heappush(waiting, self._new.get(timeout=max(0.0, min(left, LONGEST_LOOK))))
-                continue
-            while waiting and waiting[0][0] <= perf_counter():
+            while self._new:
+                with suppress(IndexError):  # another thread took it
+                    heapq.heappush(waiting, self._new.popleft())
+            now = perf_counter()
+            while waiting and waiting[0][0] <= now:
                 shown = heapq.heappop(waiting)[2]()
                 if shown is not None:
                     shown[0] = 1
                     del shown
-            waiting = [entry for entry in waiting if entry[2]() is not None]
-            heapq.heapify(waiting)
-            if not waiting:
-                # Who tells of another now starts another thread, unless it is seen here.
-                self._thread = None
-                if self._new.empty():
-                    return
+            if now - looked > LONGEST_LOOK:
+                looked = now
+                waiting = [entry for entry in waiting if entry[2]() is not None]
+                heapq.heapify(waiting)
+                if not waiting:
+                    # Who tells of another now starts another thread, unless it is seen here.
+                    self._thread = None
+                    if not self._new:
+                        return
+            sleep(max(0.0, min(LATE, waiting[0][0] - now)) if waiting else LATE)
 
 
 _watch = _Watch()

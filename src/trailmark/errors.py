@@ -13,8 +13,16 @@ from functools import wraps
 from typing import ParamSpec, TypeVar
 
 __all__ = [
-    *("ConfigurationError", "FormatError", "InputWarning", "InternalErrorWarning", "OutputError", "ShapeError"),
-    *("TrailmarkError", "WorldError", "as_raised", "expected_name"),
+    "ConfigurationError",
+    "FormatError",
+    "InputWarning",
+    "InternalErrorWarning",
+    "OutputError",
+    "ShapeError",
+    "TrailmarkError",
+    "WorldError",
+    "as_raised",
+    "expected_name",
 ]
 
 P = ParamSpec("P")

@@ -11,10 +11,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from trailmark.jit import njit
+from trailmark.jit import array_callee, njit
 
 __all__ = [
     "COUNT",
@@ -114,8 +113,7 @@ NO_LABELS = Labels(*_EMPTY)
 """Of a search that has not begun."""
 
 
-# Tests call it, too: a named tuple that a kernel gives back is made by Python code, which a signal may interrupt.
-@register_jitable  # type: ignore[untyped-decorator,unused-ignore]  # numba ships types in part
+@array_callee
 def new_labels(capacity: int, more: int) -> Labels:
     """Return memory for a power of two of labels, none there yet, with ``more`` values of each."""
     return Labels(
@@ -132,7 +130,7 @@ def new_labels(capacity: int, more: int) -> Labels:
     )
 
 
-@register_jitable  # type: ignore[untyped-decorator,unused-ignore]  # as above
+@array_callee
 def with_room(labels: Labels, count: int) -> Labels:
     """Return the labels with room for some more."""
     n, capacity = len(labels.node), len(labels.node)

@@ -17,8 +17,18 @@ from trailmark.arguments import number_array, warn_of_degrees
 from trailmark.errors import ConfigurationError
 
 __all__ = [
-    *("ROTATION_WEIGHT", "FloatArray", "compose", "configurations", "difference", "distance", "embed"),
-    *("ends_of_motions", "interpolate", "motion_bound", "transform", "wrap"),
+    "ROTATION_WEIGHT",
+    "FloatArray",
+    "compose",
+    "configurations",
+    "difference",
+    "distance",
+    "embed",
+    "ends_of_motions",
+    "interpolate",
+    "motion_bound",
+    "transform",
+    "wrap",
 ]
 
 FloatArray = NDArray[np.float64]

@@ -23,8 +23,17 @@ if TYPE_CHECKING:
     import shapely
 
 __all__ = [
-    *("LIMIT", "Disc", "LazyShapes", "Polygon", "Rectangle", "Shape", "displaced", "shape_of", "shapes_of"),
-    *("signed_area", "triangulate"),
+    "LIMIT",
+    "Disc",
+    "LazyShapes",
+    "Polygon",
+    "Rectangle",
+    "Shape",
+    "displaced",
+    "shape_of",
+    "shapes_of",
+    "signed_area",
+    "triangulate",
 ]
 
 FloatArray = NDArray[np.float64]

@@ -83,7 +83,7 @@ class BatchSolver:
         answer.offer(best)
         left = seconds_left()
         if self.bound is not None:
-            answer.claim(self.bound.of(start, goal, answer.whole_cost, lambda: seconds_left() < 0.5 * left).cost)
+            answer.raise_bound(self.bound.of(start, goal, answer.whole_cost, lambda: seconds_left() < 0.5 * left).cost)
         other, closed = best, np.empty((0, 3))
         for _ in range(OTHER_PATHS):
             if answer.whole_cost <= (1.0 + CLOSE) * answer.lower_bound or seconds_left() < 0.0:

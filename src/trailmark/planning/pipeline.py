@@ -116,7 +116,7 @@ class Stages:
         if query.motion.motions_between_valid(query.ends[:1], query.ends[1:])[0]:
             query.submit(query.ends)
             if query.motion.direct_is_best or query.incumbent.optimal:
-                query.known_cost = query.incumbent.cost
+                query.roadmap_cost = query.incumbent.cost
                 return True
         if self.given is not None:
             query.submit(self.given)
@@ -195,7 +195,7 @@ class Stages:
             return True
         if not np.isfinite(band.shortest):
             # The grid claims that there is no path, which is thereby refuted; it is no guide.
-            query.incumbent.claim(np.inf)
+            query.incumbent.raise_bound(np.inf)
             return True
         self.proofs.bound_below(PROOF_SHARE)
         return False
@@ -209,7 +209,7 @@ class Stages:
         limit = WORTH_SHORTENING * query.incumbent.cost
         query.submit_known(self.lookup.search_for_better(limit, query.seconds_left()))
         room = len(query.roadmap) < query.settings.max_kept_nodes
-        if query.known_cost == np.inf and self.lookup.complete and room and not query.budget.is_up():
+        if query.roadmap_cost == np.inf and self.lookup.complete and room and not query.budget.is_up():
             placement = rounds.placement
             placement.place(query.roadmap, placement.widening(), query.settings.first_landmarks)
         return False
@@ -235,10 +235,10 @@ class Stages:
             query.offer(fewer)
             incumbent.states = fewer
         # Once it is large, it only learns paths where it knows none at all.
-        unknown = query.known_cost == np.inf and self.lookup.complete
+        unknown = query.roadmap_cost == np.inf and self.lookup.complete
         most = query.settings.max_kept_nodes
         wanted = (len(query.roadmap) < most or unknown) and len(incumbent.states) <= most
-        if query.known_cost > ABOUT_AS_GOOD * incumbent.cost and wanted:
+        if query.roadmap_cost > ABOUT_AS_GOOD * incumbent.cost and wanted:
             query.roadmap.add_path(incumbent.states)
         return "solved"
 
@@ -255,7 +255,7 @@ class Stages:
             query.submit(lattices.first_path())
             if not query.solved:
                 query.submit_known(self.lookup.search(int(BESIDE * lattices.expanded)))
-            if lattices.shut_in and not query.solved:
+            if lattices.search_exhausted and not query.solved:
                 proofs.wait(PROOF_WAIT * (perf_counter() - query.budget.begin))
 
     def _offer_disc_path(self) -> bool:

@@ -132,13 +132,13 @@ class Incumbent:
         if cost >= self.cost:
             return False
         self.states, self.cost = states, cost
-        self.claim(self.lower_bound)
+        self.raise_bound(self.lower_bound)
         if self.first_cost is None:
             self.first_cost = self.whole_cost
         self.history.append((seconds, self.whole_cost))
         return True
 
-    def claim(self, bound: float) -> None:
+    def raise_bound(self, bound: float) -> None:
         """Take a lower bound over (metres), unless a known path costs less: then nothing is claimed any more."""
         if self._refuted:
             return
@@ -163,7 +163,7 @@ class Query:
     Attributes:
         ends: start and goal as the motion leads from one to the other, shape (2, 3).
         incumbent: takes the paths that are found.
-        known_cost: cost of the best path that the planner's own roadmap knows, metres.
+        roadmap_cost: cost of the best path that the planner's own roadmap knows, metres.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class Query:
         self.motion, self.checker, self.settings, self.rng = model.motion, model.checker, model.settings, model.rng
         self.budget, self.ends = budget, self.motion.ends(*ends)
         self.incumbent = Incumbent(self.motion, ends[0], ends[1], budget.begin)
-        self.known_cost = np.inf
+        self.roadmap_cost = np.inf
         self._rounds_left = np.inf if budget.rounds is None else budget.rounds
         self._on_progress = on_progress
 
@@ -221,7 +221,7 @@ class Query:
 
     def submit_known(self, states: FloatArray) -> None:
         """Submit a path that the planner's own roadmap knows."""
-        self.known_cost = min(self.known_cost, self.submit(states))
+        self.roadmap_cost = min(self.roadmap_cost, self.submit(states))
 
     def shortened(self, states: FloatArray, sweeps: int | None = None, *, splitting: bool = False) -> FloatArray:
         """Return a path made shorter, as far as there is time: with added vertices, but for a car, or without."""

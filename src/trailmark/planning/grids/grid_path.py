@@ -48,7 +48,7 @@ def shortest_grid_path(query: Query, tangents: GridTangents | None) -> bool:
             if _offer(query, tangents, guided, SPARES[:1]):
                 search.limit = min(search.limit, guided.length)
             ended = _run(query, search, labels)
-    incumbent.claim(query.motion.whole_cost(tangents.bound(search), incumbent.start, incumbent.goal))
+    incumbent.raise_bound(query.motion.whole_cost(tangents.bound(search), incumbent.start, incumbent.goal))
     incumbent.bounded = True
     if ended and not _offer(query, tangents, search, SPARES):
         # In contact it would be shorter, by a gap that is as wide as the disc.

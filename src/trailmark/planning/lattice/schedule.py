@@ -88,7 +88,7 @@ class LatticeSchedule:
 
     Attributes:
         expanded: number of nodes expanded so far.
-        shut_in: whether a large search has run dry, which few do where there is a path.
+        search_exhausted: whether a large search has run dry, which few do where there is a path.
         guides: costs to go made so far: by their cells, whether they lead to the goal, and their tightness. Those from
             the start may be shared with another that has the same.
     """
@@ -113,7 +113,7 @@ class LatticeSchedule:
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.guides: dict[tuple[int, bool, float], CostToGo] = {}
         self.level = self.views = self.expanded = 0
-        self.shut_in = False
+        self.search_exhausted = False
         self._exhausted: set[tuple[float, int, bool, bool]] = set()
         # Whether to search from the start first: not if the last search that ran dry was from the goal.
         self._from_start = True
@@ -135,7 +135,7 @@ class LatticeSchedule:
                     return path
                 if level.nodes >= LARGE and self._key(level, forward) in self._exhausted:
                     # A large search from the other end would most likely find no more than this one.
-                    self.shut_in = True
+                    self.search_exhausted = True
                     break
         return np.empty((0, 3))
 

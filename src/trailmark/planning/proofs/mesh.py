@@ -295,7 +295,7 @@ def _through(
 
 
 @callee
-def _note(
+def _record(
     points: FloatArray,
     found: FloatArray,
     kinds: IntArray,
@@ -352,8 +352,8 @@ def _expanded(
     if of_left > 0.0:
         # The apex lies left of all that is seen: only the right edge is.
         end = right if _beside(points, l1, l2, right) >= 0.0 else NOWHERE
-        _note(points, found, kinds, 0, 0, end, l1, l2, apex, right)
-        _note(points, found, kinds, 0, 1, right if at_r == right else NOWHERE, r1, r2, right, apex)
+        _record(points, found, kinds, 0, 0, end, l1, l2, apex, right)
+        _record(points, found, kinds, 0, 1, right if at_r == right else NOWHERE, r1, r2, right, apex)
         kinds[0, EDGE] = to_right
         if at_l != left or not corner[left]:
             return 1
@@ -362,17 +362,17 @@ def _expanded(
         found[1, LENGTH] = found[2, LENGTH] = best[left]
         kinds[1, ROOT] = kinds[2, ROOT] = left
         kinds[1, VIA] = kinds[2, VIA] = root
-        _note(points, found, kinds, 1, 0, apex, left, apex, apex, apex)
-        _note(points, found, kinds, 1, 1, end, l1, l2, right, apex)
+        _record(points, found, kinds, 1, 0, apex, left, apex, apex, apex)
+        _record(points, found, kinds, 1, 1, end, l1, l2, right, apex)
         kinds[1, EDGE] = to_right
-        _note(points, found, kinds, 2, 0, left, left, left, left, left)
-        _note(points, found, kinds, 2, 1, apex, left, apex, apex, apex)
+        _record(points, found, kinds, 2, 0, left, left, left, left, left)
+        _record(points, found, kinds, 2, 1, apex, left, apex, apex, apex)
         kinds[2, EDGE] = to_left
         return 3
     if of_right < 0.0:
         end = left if _beside(points, r1, r2, left) <= 0.0 else NOWHERE
-        _note(points, found, kinds, 0, 0, left if at_l == left else NOWHERE, l1, l2, left, apex)
-        _note(points, found, kinds, 0, 1, end, r1, r2, apex, left)
+        _record(points, found, kinds, 0, 0, left if at_l == left else NOWHERE, l1, l2, left, apex)
+        _record(points, found, kinds, 0, 1, end, r1, r2, apex, left)
         kinds[0, EDGE] = to_left
         if at_r != right or not corner[right]:
             return 1
@@ -381,20 +381,20 @@ def _expanded(
         found[1, LENGTH] = found[2, LENGTH] = best[right]
         kinds[1, ROOT] = kinds[2, ROOT] = right
         kinds[1, VIA] = kinds[2, VIA] = root
-        _note(points, found, kinds, 1, 0, end, r1, r2, left, apex)
-        _note(points, found, kinds, 1, 1, apex, right, apex, apex, apex)
+        _record(points, found, kinds, 1, 0, end, r1, r2, left, apex)
+        _record(points, found, kinds, 1, 1, apex, right, apex, apex, apex)
         kinds[1, EDGE] = to_left
-        _note(points, found, kinds, 2, 0, apex, right, apex, apex, apex)
-        _note(points, found, kinds, 2, 1, right, right, right, right, right)
+        _record(points, found, kinds, 2, 0, apex, right, apex, apex, apex)
+        _record(points, found, kinds, 2, 1, right, right, right, right, right)
         kinds[2, EDGE] = to_right
         return 3
     end = left if at_l == left else (apex if l1 != l2 and of_left == 0.0 else NOWHERE)
-    _note(points, found, kinds, 0, 0, end, l1, l2, left, apex)
-    _note(points, found, kinds, 0, 1, apex, root, apex, apex, apex)
+    _record(points, found, kinds, 0, 0, end, l1, l2, left, apex)
+    _record(points, found, kinds, 0, 1, apex, root, apex, apex, apex)
     kinds[0, EDGE] = to_left
     end = right if at_r == right else (apex if r1 != r2 and of_right == 0.0 else NOWHERE)
-    _note(points, found, kinds, 1, 0, apex, root, apex, apex, apex)
-    _note(points, found, kinds, 1, 1, end, r1, r2, right, apex)
+    _record(points, found, kinds, 1, 0, apex, root, apex, apex, apex)
+    _record(points, found, kinds, 1, 1, end, r1, r2, right, apex)
     kinds[1, EDGE] = to_right
     return 2
 
@@ -428,8 +428,8 @@ def _search(
     n = 3
     for i in range(3):
         right, left = triangles[first, i], triangles[first, (i + 1) % 3]
-        _note(points, found, kinds, i, 0, left, start, left, left, left)
-        _note(points, found, kinds, i, 1, right, start, right, right, right)
+        _record(points, found, kinds, i, 0, left, start, left, left, left)
+        _record(points, found, kinds, i, 1, right, start, right, right, right)
         found[i, LENGTH], kinds[i, ROOT], kinds[i, VIA], kinds[i, EDGE] = 0.0, start, NOWHERE, i
     while True:
         for k in range(n):

@@ -80,7 +80,8 @@ class Background(Generic[T]):
     def end(self) -> None:
         """Stop looking, and wait for that."""
         self.cancel()
-        if self._thread.ident is not None:
+        # An exception may have arrived while the thread began: one that has not begun to run cannot be waited for.
+        if self._thread.is_alive():
             self._thread.join()
 
 
@@ -142,7 +143,7 @@ class Prover:
         found = self._bounding.found()
         incumbent.bounded = again or found is not None
         if found is not None:
-            incumbent.claim(found)
+            incumbent.raise_bound(found)
 
     def begin_in_background(self) -> None:
         """Begin to look for a proof, with headings, that no path exists; a disc has none."""
@@ -179,7 +180,7 @@ class Prover:
             if self.query.solved:
                 self._enclosing.cancel()
             elif self._enclosing.found():
-                self.query.incumbent.claim(np.inf)
+                self.query.incumbent.raise_bound(np.inf)
         return self.query.incumbent.infeasible
 
     def conclude(self, band: Band | None) -> None:
@@ -197,4 +198,4 @@ class Prover:
                 self._wait_for(self._enclosing)
                 self.infeasible()
         elif grid_separates(band.relaxation, band.to_goal, query.incumbent.start, query.incumbent.goal):
-            query.incumbent.claim(np.inf)
+            query.incumbent.raise_bound(np.inf)
