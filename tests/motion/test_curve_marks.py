@@ -8,8 +8,7 @@ import numpy as np
 
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
-from trailmark.motion.curve_marks import CurveMarks
-from trailmark.motion.pointwise import PointwiseChecker
+from trailmark.motion.pointwise import CurveMarks, PointwiseChecker
 from trailmark.shapes import Disc, Shape
 from trailmark.world import Robot, World
 

@@ -8,7 +8,7 @@ from tests.helpers.density_oracle import sampled_cost
 
 from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, StateChecker, World
 from trailmark.collision.kernels import FREE
-from trailmark.motion import WeightedMotion, motion_of
+from trailmark.motion import motion_of
 from trailmark.motion.base import costs, motions_free
 from trailmark.robot import Robot
 
@@ -36,9 +36,9 @@ def pairs(seed: int, count: int, checker: StateChecker) -> tuple[np.ndarray, np.
 def test_certification_is_that_of_the_plain_motion(name: str) -> None:
     checker = StateChecker(WORLD, ROBOTS[name])
     weighted = motion_of(checker)
-    assert isinstance(weighted, WeightedMotion)
+    assert weighted.weighted
     a, b = pairs(0, 60, checker)
-    plain, own = (np.asarray(motions_free(kind, a, b)) for kind in (weighted.motion.kind, weighted.kind))
+    plain, own = (np.asarray(motions_free(m.kind, a, b)) for m in (PLAIN(checker), weighted))
     np.testing.assert_array_equal(plain, own)
     assert 0 < own.sum() < len(own)
 

@@ -103,8 +103,7 @@ def _warm_up_pointwise() -> None:
     """Run every kernel that answers for one configuration or motion per call."""
     from trailmark.collision import StateChecker
     from trailmark.curves import Steering
-    from trailmark.motion.curve_marks import CurveMarks
-    from trailmark.motion.pointwise import PointwiseChecker
+    from trailmark.motion.pointwise import CurveMarks, PointwiseChecker
     from trailmark.planning.warmup import ROBOTS, SMALL
 
     (world, ends), robot = SMALL, ROBOTS["straight"]

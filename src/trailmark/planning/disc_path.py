@@ -27,7 +27,12 @@ SPARE = 3e-3
 def shortest_disc_path(query: Query, proofs: Prover) -> bool:
     """Offer the shortest path of a disc; return False if there is no time for it, or none is found."""
     incumbent = query.incumbent
-    if not isinstance(query.motion, TranslationMotion) or proofs.bound is None or query.close_enough:
+    if (
+        not isinstance(query.motion, TranslationMotion)
+        or query.motion.weighted
+        or proofs.bound is None
+        or query.close_enough
+    ):
         return False
     if not query.settings.uses("disc-path"):
         return False

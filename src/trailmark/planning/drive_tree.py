@@ -12,11 +12,11 @@ from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET, curve_motion
 from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.curves.shortest import MAX_WORDS, all_words
-from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
+from trailmark.curves.words import PIECES, copy_word, unit_length, walk
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.jit import array_callee, callee, njit
-from trailmark.motion.curve import Curve, word_extra
-from trailmark.motion.one_way import OneWays, curve_allowed
+from trailmark.motion.base import MotionModel, charged, word_extra
+from trailmark.motion.one_way import curve_allowed
 from trailmark.se2 import FloatArray
 
 __all__ = ["NO_TARGETS", "Guide", "Targets", "Tree", "grow"]
@@ -119,8 +119,7 @@ def _cell_of(q: FloatArray, guide: Guide, cell: float, columns: int, headings: i
 
 @array_callee
 def _free(
-    kind: Curve,
-    zones: OneWays,
+    kind: MotionModel,
     sign: float,
     q: FloatArray,
     word: FloatArray,
@@ -129,19 +128,18 @@ def _free(
     queue: FloatArray,
 ) -> bool:
     """Return whether a word from q to ``end`` is certified; ``sign`` is -1 if it is driven from there to q."""
-    if sign > 0.0:
-        allowed = curve_allowed(zones, q, word, kind.radius)
-    else:
-        allowed = curve_allowed(zones, end, reversed_word(word), kind.radius)
-    if not allowed:
+    begin, driven = q, word
+    if sign < 0.0:
+        begin, driven = end, np.empty_like(word)
+        copy_word(word, True, driven)
+    if not curve_allowed(kind.one_way, begin, driven, kind.radius):
         return False
     return bool(curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius, BUDGET) == FREE)
 
 
 @array_callee
 def _word_to(
-    kind: Curve,
-    zones: OneWays,
+    kind: MotionModel,
     sign: float,
     q: FloatArray,
     gear: float,
@@ -159,8 +157,7 @@ def _word_to(
     n, swapped = all_words(q, target, kind.radius, kind.reverse, words)
     prices = np.empty(n)
     for k in range(n):
-        if swapped:
-            words[k] = reversed_word(words[k])
+        copy_word(words[k], swapped, words[k])
         words[k, 0] *= sign
         more, last = word_extra(words[k], kind.radius, kind.direction_change, kind.reverse_metre, gear)
         words[k, 0] *= sign
@@ -171,7 +168,7 @@ def _word_to(
         k = int(np.argmin(prices))
         if prices[k] >= limit:
             break
-        if _free(kind, zones, sign, q, words[k], target, placed, queue):
+        if _free(kind, sign, q, words[k], target, placed, queue):
             return prices[k], k
         prices[k] = np.inf
     return np.inf, -1
@@ -179,8 +176,7 @@ def _word_to(
 
 @njit(nogil=True)
 def grow(
-    kind: Curve,
-    zones: OneWays,
+    kind: MotionModel,
     guide: Guide,
     sources: FloatArray,
     reverse: bool,
@@ -199,7 +195,7 @@ def grow(
     driven, slots = np.zeros(capacity), np.zeros(capacity, np.int64)
     placed, queue = workspace(kind.robot), np.empty((128, 2))
     word, end, words = np.zeros((2, PIECES)), np.empty(3), np.empty((MAX_WORDS, 2, PIECES))
-    charged = kind.direction_change > 0.0 or kind.reverse_metre > 0.0
+    charging = charged(kind)
     headings = max(8, min(1440, ceil(2.0 * pi * radius / cell)))
     columns = ceil(guide.cost.shape[1] * guide.size / cell) + 2
     room = 64
@@ -234,7 +230,7 @@ def grow(
                 target, beyond = targets.configurations[t], driven[at] + targets.costs[t]
                 if beyond + hypot(target[0] - q[at, 0], target[1] - q[at, 1]) < best:
                     price, k = _word_to(
-                        kind, zones, sign, q[at], gear, target, targets.gears[t], best - beyond, placed, queue, words
+                        kind, sign, q[at], gear, target, targets.gears[t], best - beyond, placed, queue, words
                     )
                     if k >= 0:
                         best, best_node, best_target = beyond + price, at, t
@@ -252,14 +248,14 @@ def grow(
                     word[0, 0], word[1, 0] = direction * way / radius, side
                     walk(q[at], word, radius, way, end)
                     ahead, cost = _cost_at(guide, end), driven[at] + change + way * metre
-                    key = _cell_of(end, guide, cell, columns, headings, int(charged and direction > 0.0))
+                    key = _cell_of(end, guide, cell, columns, headings, int(charging and direction > 0.0))
                     slot = _slot(table, key)
                     if table[slot] == key and driven[owner[slot]] <= cost:
                         break
                     if (
                         cost + ahead < best
                         and state(kind.grid, kind.field, kind.robot, placed, end[0], end[1], end[2]) == FREE
-                        and _free(kind, zones, sign, q[at], word, end, placed, queue)
+                        and _free(kind, sign, q[at], word, end, placed, queue)
                     ):
                         if n < capacity:
                             table[slot], owner[slot] = key, n

@@ -21,9 +21,7 @@ from trailmark.clock import Deadline
 from trailmark.curves.shortest import curve_states
 from trailmark.landmarks.kmeans import lloyd
 from trailmark.landmarks.relaxation import CostMap, Relaxation
-from trailmark.motion import Motion, WeightedMotion
-from trailmark.motion.curve import Curve
-from trailmark.motion.one_way import OneWays, one_ways
+from trailmark.motion import Motion
 from trailmark.nearest import nearest_to
 from trailmark.planning.drive_tree import NO_TARGETS, Guide, Targets, Tree, grow
 
@@ -78,10 +76,10 @@ def hybrid_astar(
         rng: source of randomness.
         seconds: that the drives may take.
     """
-    (kind, zones), deadline, m = _curves(motions), Deadline.after(seconds), len(sources)
+    kind, deadline, m = motions.kind, Deadline.after(seconds), len(sources)
     guide, starts = _guide(relaxation, costs), np.array(sources, order="C")
     while True:
-        tree = Tree(*grow(kind, zones, guide, starts, reverse, step, 0.5 * step, NO_TARGETS, np.inf, most, deadline))
+        tree = Tree(*grow(kind, guide, starts, reverse, step, 0.5 * step, NO_TARGETS, np.inf, most, deadline))
         if len(tree.q) >= m + most or step <= FINEST * kind.radius or deadline.shown[0]:
             break
         # All cells that these drives lead to are entered: smaller ones may lead farther.
@@ -127,8 +125,8 @@ def drive_to(
         Knots of shape (0, 3), and -1, if no target is reached below the limit. The curves between knots are to be
         certified anew: they are the drives but for rounding.
     """
-    (kind, zones), guide, sources = _curves(motions), _guide(relaxation, costs), np.array(source[None], order="C")
-    tree = Tree(*grow(kind, zones, guide, sources, reverse, step, cell, targets, limit, most, Deadline.after(seconds)))
+    kind, guide, sources = motions.kind, _guide(relaxation, costs), np.array(source[None], order="C")
+    tree = Tree(*grow(kind, guide, sources, reverse, step, cell, targets, limit, most, Deadline.after(seconds)))
     if tree.node < 0:
         return np.empty((0, 3)), -1
     driven = _joined(tree, np.array([tree.node] if tree.node else [], np.int64), 1, kind.radius).configurations
@@ -138,13 +136,6 @@ def drive_to(
     onward = curve_states(tree.q[tree.node][None], tree.word[None], kind.radius, along)[0]
     knots = np.concatenate([sources, driven, onward, targets.configurations[tree.target][None]])
     return (knots[::-1].copy() if reverse else knots), int(tree.target)
-
-
-def _curves(motions: Motion) -> tuple[Curve, OneWays]:
-    """Return a car's kind of motion, whatever its metres are charged, and the one-way zones that it minds."""
-    if isinstance(motions, WeightedMotion):
-        return motions.motion.kind, motions.kind.one_way
-    return motions.kind, one_ways(())
 
 
 def _guide(relaxation: Relaxation, costs: CostMap) -> Guide:

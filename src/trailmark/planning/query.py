@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 
 from trailmark.landmarks import Relaxation
-from trailmark.motion import WeightedMotion
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.result import PlanProgress
 from trailmark.planning.settings import PlannerSettings
@@ -123,7 +122,7 @@ class Query:
         if not self.solved:
             self.offer(states)
         states = self.shortened(states, self.settings.first_sweeps)
-        if isinstance(self.motion, WeightedMotion):
+        if self.motion.weighted:
             # The rest takes longer than to look for other ways around.
             self.offer(states)
             return self.motion.cost_of(states)

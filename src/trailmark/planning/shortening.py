@@ -15,27 +15,28 @@ from numpy.typing import NDArray
 
 from trailmark.clock import Deadline, over
 from trailmark.collision.kernels import FREE, state
+from trailmark.curves.shortest import shortest_word
+from trailmark.curves.words import walk
 from trailmark.heading import turn, wrapped
 from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import Motion
 from trailmark.motion.base import (
+    CURVE,
+    DIFFERENTIAL,
+    STRAIGHT,
+    MotionModel,
     Scratch,
     certified,
     charged,
     cost,
     extra_along,
+    facing,
     interpolate,
     least_cost,
     new_scratch,
     obeys_triangle,
 )
-from trailmark.motion.curve import Curve
-from trailmark.motion.differential import Differential, facing
-from trailmark.motion.straight import Straight
-from trailmark.motion.translation import Translation
-from trailmark.motion.weighted import Weighted
 from trailmark.se2 import FloatArray
-from trailmark.variants import by_type, variant_of
 
 __all__ = ["EFFORT", "GAIN", "halved", "propose", "shorten", "split", "uniform", "without_needless"]
 
@@ -83,7 +84,7 @@ def shorten(
 
 
 @array_callee
-def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
+def _costs(kind: MotionModel, scratch: Scratch, path: FloatArray) -> FloatArray:
     """Return the costs of a path's motions, shape (n - 1,), metres."""
     result = np.empty(len(path) - 1)
     for i in range(len(result)):
@@ -92,14 +93,14 @@ def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
 
 
 @array_callee
-def _whole(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> float:
+def _whole(kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray) -> float:
     """Return a path's cost, in metres: that of its motions, and what a car is charged beyond it."""
     return float(costs.sum() + extra_along(kind, scratch, path, 0, len(costs)))
 
 
 @njit(nogil=True)
 def _sweep(
-    kind: Any, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool, deadline: Deadline
+    kind: MotionModel, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool, deadline: Deadline
 ) -> tuple[FloatArray, float, float]:
     """Return the path after one round of every kind of change, the step for the next one's moves, and its cost.
 
@@ -135,7 +136,7 @@ def _sweep(
 
 @array_callee
 def _locate(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
+    kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
 ) -> tuple[int, float]:
     """Write the configuration at cost ``place`` along the path into q; return its motion and what lies before on it.
 
@@ -165,7 +166,7 @@ def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[f
 
 @array_callee
 def _shortcut(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
+    kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> tuple[FloatArray, FloatArray]:
     """Join two random places of the path by a motion, or a car's by several, if that saves cost and is certified.
 
@@ -203,7 +204,7 @@ def _shortcut(
 
 
 @array_callee
-def _joined(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, limit: float) -> FloatArray:
+def _joined(kind: MotionModel, scratch: Scratch, a: FloatArray, b: FloatArray, limit: float) -> FloatArray:
     """Return the ends of a certified motion from a to b that costs less than ``limit``, shape (2, 3), or none."""
     states = np.empty((2, 3))
     states[0], states[1] = a, b
@@ -213,35 +214,16 @@ def _joined(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, limit: fl
     return states
 
 
-@by_type
-def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
-    """Turn evenly between random vertices, in place, positions left alone, where that turns less and is certified."""
-    raise NotImplementedError
-
-
-@variant_of(turn_evenly, Translation)
-@variant_of(turn_evenly, Curve)
-@variant_of(turn_evenly, Differential)
-@callee
-def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
-    """Leave the headings: a disc has none, a car's follow from its curves, and others from where they drive."""
-
-
-@variant_of(turn_evenly, Weighted)
-@callee
-def _turn_weighted(
-    kind: Weighted, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
-) -> None:
-    turn_evenly(kind.motion, scratch, path, costs, seed)
-
-
-@variant_of(turn_evenly, Straight)
 @array_callee
-def _turn_evenly(
-    kind: Straight, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
+def turn_evenly(
+    kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> None:
+    """Turn evenly between random vertices, in place, positions left alone, where that turns less and is certified.
+
+    A disc has no heading, a car's follow from its curves, and those of a differential drive from where it drives.
+    """
     n = len(path)
-    if n < 3:
+    if n < 3 or kind.drive != STRAIGHT:
         return
     for _ in range(5 + n):
         i = int(uniform(seed) * (n - 2))
@@ -272,7 +254,7 @@ def _turn_evenly(
 
 @array_callee
 def _move(
-    kind: Any,
+    kind: MotionModel,
     scratch: Scratch,
     path: FloatArray,
     costs: FloatArray,
@@ -322,7 +304,7 @@ GAIN = 1e-7
 
 
 @njit(nogil=True)
-def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
+def without_needless(kind: MotionModel, path: FloatArray, effort: int) -> FloatArray:
     """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
 
     None of what is left is needless: what lies beside a vertex left out is looked at again. The cost rises by no more
@@ -361,7 +343,7 @@ def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
 
 
 @array_callee
-def _rise(kind: Any, scratch: Scratch, path: FloatArray, rows: tuple[int, int, int, int, int]) -> float:
+def _rise(kind: MotionModel, scratch: Scratch, path: FloatArray, rows: tuple[int, int, int, int, int]) -> float:
     """Return what a path costs more, in metres, without the third of five vertices that follow one another."""
     window = np.empty((5, 3))
     for k in range(5):
@@ -389,9 +371,9 @@ def uniform(seed: NDArray[np.uint64]) -> float:
     return float((s * np.uint64(2685821657736338717)) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@by_type
+@callee
 def propose(
-    kind: Any,
+    kind: MotionModel,
     scratch: Scratch,
     path: FloatArray,
     i: int,
@@ -414,44 +396,42 @@ def propose(
         scale: metres that random proposals lie away at most.
         q: where to.
     """
-    raise NotImplementedError
-
-
-@variant_of(propose, Straight)
-@variant_of(propose, Translation)
-@array_callee
-def _propose_straight(
-    kind: Any,
-    scratch: Scratch,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
     a, here, b = path[i - 1], path[i], path[i + 1]
-    if attempt < (3 if has_heading(kind) else 2):
-        straight = np.empty(3)
-        interpolate(kind, scratch, a, b, share * cost(kind, scratch, a, b), straight)
-        if attempt == 2:
-            q[:] = here
-            q[2] = straight[2]
-        else:
-            t = 0.5 if attempt == 0 else 0.1
-            interpolate(kind, scratch, here, straight, t * cost(kind, scratch, here, straight), q)
+    if kind.weighted:
+        # At all scales: what is cheapest is curved, here more and there less.
+        near = min(hypot(a[0] - here[0], a[1] - here[1]), hypot(b[0] - here[0], b[1] - here[1]))
+        scale = max(0.5 * near * 2.0 ** (-6.0 * uniform(seed)), 1e-6)
+        last, attempt = attempt == 4, (0, 2, 3, 3, 3)[attempt]
+    else:
+        last = attempt == (2, 4, 3, 5)[kind.drive]
+    if last:
+        return False
+    if kind.drive == CURVE:
+        _propose_curve(kind, scratch, path, i, share, attempt, seed, scale, q)
         return True
-    angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
-    q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
-    q[2] = wrapped(here[2] + (uniform(seed) - 0.5) * min(2.0, 2.0 * scale)) if has_heading(kind) else here[2]
-    return attempt == 3
+    heading = wrapped(a[2] + share * turn(a[2], b[2]))
+    if attempt < 2:
+        t = 0.5 if attempt == 0 else 0.1
+        q[0] = here[0] + t * (a[0] + share * (b[0] - a[0]) - here[0])
+        q[1] = here[1] + t * (a[1] + share * (b[1] - a[1]) - here[1])
+        q[2] = wrapped(here[2] + t * turn(here[2], heading))
+    elif attempt == 2 and kind.drive == STRAIGHT:
+        q[0], q[1], q[2] = here[0], here[1], heading
+    else:
+        angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
+        q[0], q[1], q[2] = here[0] + step * cos(angle), here[1] + step * sin(angle), here[2]
+        if kind.drive == STRAIGHT:
+            q[2] = wrapped(here[2] + (uniform(seed) - 0.5) * min(2.0, 2.0 * scale))
+    if kind.drive == DIFFERENTIAL:
+        # It arrives without a turn.
+        q[2] = here[2]
+        q[2] = facing(kind, a, q)
+    return True
 
 
-@variant_of(propose, Curve)
 @callee
 def _propose_curve(
-    kind: Curve,
+    kind: MotionModel,
     scratch: Scratch,
     path: FloatArray,
     i: int,
@@ -460,11 +440,13 @@ def _propose_curve(
     seed: NDArray[np.uint64],
     scale: float,
     q: FloatArray,
-) -> bool:
+) -> None:
+    """Write where vertex i of a car's path might better be into q."""
     a, here, b = path[i - 1], path[i], path[i + 1]
     if attempt == 0:
-        interpolate(kind, scratch, a, b, share * cost(kind, scratch, a, b), q)
-        return True
+        length = shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
+        walk(a, scratch.words[0], kind.radius, share * length, q)
+        return
     angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
     if attempt == 1:
         # Along its heading, where it can go.
@@ -474,83 +456,11 @@ def _propose_curve(
         q[0], q[1] = here[0], here[1]
     if attempt > 1:
         q[2] = wrapped(q[2] + (2.0 * uniform(seed) - 1.0) * min(1.0, scale / kind.radius))
-    return True
-
-
-@variant_of(propose, Weighted)
-@callee
-def _propose_weighted(
-    kind: Weighted,
-    scratch: Scratch,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    here = path[i]
-    near = min(
-        hypot(path[i - 1, 0] - here[0], path[i - 1, 1] - here[1]),
-        hypot(path[i + 1, 0] - here[0], path[i + 1, 1] - here[1]),
-    )
-    # At all scales: what is cheapest is curved, here more and there less.
-    step = 0.5 * near * 2.0 ** (-6.0 * uniform(seed))
-    propose(kind.motion, scratch, path, i, share, (0, 2, 3, 3, 3)[attempt], seed, max(step, 1e-6), q)
-    if kind.robot.sweep_radius == 0.0:
-        q[2] = here[2]
-    return attempt < 4
-
-
-@variant_of(propose, Differential)
-@callee
-def _propose_differential(
-    kind: Differential,
-    scratch: Scratch,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    a, here, b = path[i - 1], path[i], path[i + 1]
-    if attempt < 2:
-        t = 0.5 if attempt == 0 else 0.1
-        q[0] = here[0] + t * (a[0] + share * (b[0] - a[0]) - here[0])
-        q[1] = here[1] + t * (a[1] + share * (b[1] - a[1]) - here[1])
-    else:
-        angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
-        q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
-    # It arrives without a turn.
-    q[2] = here[2]
-    q[2] = facing(kind, a, q)
-    return attempt < 3
-
-
-@by_type
-def has_heading(kind: Any) -> bool:
-    """Return whether headings make a difference."""
-    raise NotImplementedError
-
-
-@variant_of(has_heading, Straight)
-@callee
-def _heading(kind: Straight) -> bool:
-    return True
-
-
-@variant_of(has_heading, Translation)
-@callee
-def _no_heading(kind: Translation) -> bool:
-    return False
 
 
 @array_callee
 def split(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
+    kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
 ) -> FloatArray:
     """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
     n = len(path)
@@ -566,7 +476,7 @@ def split(
 
 
 @array_callee
-def halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
+def halved(kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
     """Return the path with a vertex in the middle of every longer motion: what is cheapest need not be straight."""
     longer = costs > SHORT * costs.sum()
     result, k = np.empty((len(path) + longer.sum(), 3)), 0

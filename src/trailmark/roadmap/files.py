@@ -152,7 +152,7 @@ def fingerprint(checker: StateChecker) -> str:
     if checker.robot.turning_radius is not None:
         _digest(digest, np.array([checker.robot.turning_radius, checker.robot.reverse]), "<f8")
     directions = one_ways(world.zones)
-    for part in directions if len(directions.headings) else ():
+    for part in directions if len(directions.zones) else ():
         _digest(digest, part, "<f8")
     return digest.hexdigest()
 

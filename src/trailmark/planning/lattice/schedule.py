@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion import Motion
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo, corridor
 from trailmark.planning.lattice.search import Lattice
 from trailmark.planning.shortening import EFFORT, without_needless
@@ -162,7 +162,7 @@ class LatticeSchedule:
             rng: source of randomness.
             limit: metres, cost of a path that it should better.
         """
-        if self.views == 0 and isinstance(self.motion, WeightedMotion):
+        if self.views == 0 and self.motion.weighted:
             self.views += 1
             return self._cheapest(self.motion)
         view, forward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0 or not self._both_ways
@@ -186,7 +186,7 @@ class LatticeSchedule:
         self.expanded += expanded
         return self._shortened(path, forward)
 
-    def _cheapest(self, motion: WeightedMotion) -> FloatArray:
+    def _cheapest(self, motion: Motion) -> FloatArray:
         """Return a path in the homotopy class that is cheapest by far finer directions than a lattice's."""
         if self.seconds_left() < 2.0 * MARCHING * GUIDING * min(LEVELS[-1].cells, self.cells):
             return np.empty((0, 3))
@@ -265,7 +265,7 @@ class LatticeSchedule:
         if key in self.guides:
             return self.guides[key]
         count = min(cells, self.cells)
-        density = self.motion.density if isinstance(self.motion, WeightedMotion) else None
+        density = self.motion.density if self.motion.weighted else None
         to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness, self.window, density)
         self.guides[key] = to_go
         return to_go

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 import numpy as np
 
@@ -24,10 +23,9 @@ from trailmark.collision.kernels import FREE, state
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.jit import array_callee, callee, njit
 from trailmark.landmarks.retraction import retract
-from trailmark.motion import DifferentialMotion, Motion, WeightedMotion
-from trailmark.motion.base import Scratch, certified, new_scratch
+from trailmark.motion import DifferentialMotion, Motion, StraightMotion
+from trailmark.motion.base import MotionModel, Scratch, certified, new_scratch
 from trailmark.motion.base import cost as cost_between
-from trailmark.motion.straight import Straight
 from trailmark.planning.lattice.cost_to_go import CostToGo, Guide, best_multi_step, cost_of_move, cost_to_go, near_goal
 from trailmark.planning.lattice.nodes import (
     CHECKED,
@@ -112,18 +110,11 @@ class Lattice:
             seconds: that the search may take.
         """
         deadline = Deadline.after(seconds)
-        weighted = self.motion if isinstance(self.motion, WeightedMotion) else None
-        plain = self.motion if weighted is None else weighted.motion
-        # Whether headings make a difference is known to the nodes: one kind less to compile.
-        kind: Any = Straight(self.checker.grid, self.checker.field, self.checker.footprint)
-        anchor = start
-        if isinstance(plain, DifferentialMotion):
+        motion, anchor = self.motion or StraightMotion(self.checker), start
+        if isinstance(motion, DifferentialMotion):
             # Its steps lead along its headings, which are those of the grid: it begins with a turn.
-            kind, anchor = plain.kind, plain.turned(start, self.headings)
+            anchor = motion.turned(start, self.headings)
         nodes = Nodes.around(self.checker, anchor, self.size, self.headings)
-        rotation = ROTATION_WEIGHT
-        if weighted is not None:
-            kind, rotation = weighted.kind._replace(motion=kind), weighted.density.rotation
         guide = Guide(
             to_go.cost,
             to_go.density,
@@ -134,10 +125,10 @@ class Lattice:
             float(weight),
             float(limit),
             to_go.least,
-            rotation,
+            motion.density.rotation if motion.weighted else ROTATION_WEIGHT,
         )
         found, expanded = _search(
-            kind,
+            motion.kind,
             nodes,
             nodes.origin,
             guide,
@@ -154,7 +145,7 @@ class Lattice:
 
 @njit(nogil=True)
 def _search(
-    kind: Any,
+    kind: MotionModel,
     nodes: Nodes,
     origin: int,
     guide: Guide,
@@ -249,7 +240,7 @@ def _search(
 
 
 @callee
-def _free(kind: Any, scratch: Scratch, q: FloatArray) -> bool:
+def _free(kind: MotionModel, scratch: Scratch, q: FloatArray) -> bool:
     """Return whether a configuration is valid."""
     return bool(state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE)
 
@@ -280,7 +271,7 @@ def _relax(table: SearchTable, node: int, cost: float, move: int) -> int:
 
 @callee
 def _find_other_parent(
-    kind: Any,
+    kind: MotionModel,
     scratch: Scratch,
     nodes: Nodes,
     table: SearchTable,

@@ -1,4 +1,4 @@
-"""WeightedBound: what every path costs at least under an objective (:class:`trailmark.motion.WeightedMotion`).
+"""WeightedBound: what every path costs at least under an objective (:meth:`trailmark.motion.Motion.weigh`).
 
 A function w with w(start) = 0 whose slope is nowhere more than the density rises along a path by no more than what the
 path costs; so a path to the goal costs at least w(goal). Here w is linear on triangles: each square of a grid is cut
@@ -27,7 +27,7 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.goals import Goal
 from trailmark.heading import turn
 from trailmark.jit import array_callee, callee, njit
-from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion import Motion
 from trailmark.motion.density import FAR, Density
 from trailmark.planning.fast_marching import march, on_diagonal
 from trailmark.planning.proofs.bound import Bound, LowerBound
@@ -48,7 +48,7 @@ class WeightedBound:
         motion: weighted.
     """
 
-    def __init__(self, plain: LowerBound, motion: WeightedMotion) -> None:
+    def __init__(self, plain: LowerBound, motion: Motion) -> None:
         self.plain, self.motion = plain, motion
         density = motion.density
         # A car's turning costs nothing by itself, and its plain bound is one on its length.
@@ -111,7 +111,7 @@ def lower_bound_of(
     else:
         known = before.plain if isinstance(before, WeightedBound) else before
         plain = known.edited(checker.world, checker.grid, freed)
-    return WeightedBound(plain, motion) if isinstance(motion, WeightedMotion) else plain
+    return WeightedBound(plain, motion) if motion.weighted else plain
 
 
 # --- Eikonal: lower bounds on ∫ density ds over all paths of the reference point, by a function of bounded slope.
@@ -133,7 +133,7 @@ class Eikonal:
         motion: weighted.
     """
 
-    def __init__(self, motion: WeightedMotion) -> None:
+    def __init__(self, motion: Motion) -> None:
         self.motion = motion
         disc = motion.checker.robot.inscribed_disc
         # The reference point lies so much nearer to obstacles than the disc's centre, at most.
