@@ -66,17 +66,20 @@ CHORD = 0.1
 class MotionModel(NamedTuple):
     """How a robot moves in a world, as compiled code takes it.
 
+    Whether ``car`` and ``weighted`` are empty compiled code knows by their types: what it would not run goes from it.
+
     Attributes:
         grid: the obstacles.
         field: their clearance field.
         robot: the footprint.
         drive: TRANSLATION, STRAIGHT, DIFFERENTIAL or CURVE.
         embedding: see :func:`embedding_radius`, metres.
+        car: one element if it is a CURVE, else empty.
         radius: a car's turning radius, metres.
         reverse: whether a car or a differential drive goes backwards too.
         direction_change: what a car's change of direction costs, metres.
         reverse_metre: what a car's metre in reverse costs beyond its length, metres.
-        weighted: whether ``density`` says what a metre costs; otherwise it costs its length.
+        weighted: one element if ``density`` says what a metre costs and ``one_way`` which way it leads, else empty.
         density: what a metre costs at a place.
         one_way: zones with a direction of travel.
     """
@@ -86,11 +89,12 @@ class MotionModel(NamedTuple):
     robot: Footprint
     drive: int
     embedding: float
+    car: tuple[bool, ...]
     radius: float
     reverse: bool
     direction_change: float
     reverse_metre: float
-    weighted: bool
+    weighted: tuple[bool, ...]
     density: Density
     one_way: OneWays
 
@@ -114,7 +118,7 @@ class Scratch(NamedTuple):
 @array_callee
 def new_scratch(kind: MotionModel) -> Scratch:
     """Return memory for one thread to work in."""
-    words = np.empty((MAX_WORDS if kind.drive == CURVE else 0, 2, PIECES))
+    words = np.empty((MAX_WORDS if len(kind.car) else 0, 2, PIECES))
     return Scratch(workspace(kind.robot), new_queue(), words, np.empty((4, 3)))
 
 
@@ -133,15 +137,15 @@ def certified(kind: MotionModel, scratch: Scratch, a: FloatArray, b: FloatArray,
         budget: maximum number of configurations evaluated; a motion that needs more is not certified.
     """
     placed, queue = scratch.placed, scratch.queue
-    if kind.drive == CURVE:
+    if len(kind.car):
         shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
         word = scratch.words[0]
-        if not curve_allowed(kind.one_way, a, word, kind.radius):
+        if len(kind.weighted) and not curve_allowed(kind.one_way, a, word, kind.radius):
             return False
         return bool(
             curve_motion(kind.grid, kind.field, kind.robot, placed, queue, a, word, kind.radius, budget) == FREE
         )
-    if not straight_allowed(kind.one_way, a, b):
+    if len(kind.weighted) and not straight_allowed(kind.one_way, a, b):
         return False
     if kind.drive != DIFFERENTIAL:
         return bool(motion(kind.grid, kind.field, kind.robot, placed, queue, a, b, EXACT, budget) == FREE)
@@ -167,10 +171,10 @@ def interpolate(kind: MotionModel, scratch: Scratch, a: FloatArray, b: FloatArra
 
     A cost that depends on the place is taken as evenly spread: what is made of it is charged anew.
     """
-    if kind.weighted:
+    if len(kind.weighted):
         whole = weighted_cost(kind, scratch, a, b, inf)[0]
         along = (min(1.0, along / whole) if whole > 0.0 else 0.0) * _plain_cost(kind, scratch, a, b)
-    if kind.drive == CURVE:
+    if len(kind.car):
         shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
         walk(a, scratch.words[0], kind.radius, along, q)
     elif kind.drive == DIFFERENTIAL:
@@ -242,12 +246,12 @@ def embedding_radius(kind: MotionModel) -> float:
 @callee
 def cost(kind: MotionModel, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     """Return the cost (metres) of the motion from a to b, each of shape (3,)."""
-    return weighted_cost(kind, scratch, a, b, inf)[0] if kind.weighted else _plain_cost(kind, scratch, a, b)
+    return weighted_cost(kind, scratch, a, b, inf)[0] if len(kind.weighted) else _plain_cost(kind, scratch, a, b)
 
 
 @callee
 def _plain_cost(kind: MotionModel, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
-    if kind.drive == CURVE:
+    if len(kind.car):
         return curve_length(a, b, kind.radius, kind.reverse, scratch.words)
     length = hypot(b[0] - a[0], b[1] - a[1])
     return length if kind.drive == TRANSLATION else length + ROTATION_WEIGHT * _turned(kind, a, b)
@@ -276,7 +280,7 @@ def weighted_cost(
         tolerance: share of the cost that the error may come to; infinite: as exact as for planning.
     """
     density = kind.density
-    if kind.drive == CURVE:
+    if len(kind.car):
         return _curve_cost(kind, scratch, a, b, tolerance)
     found, error = line_cost(density, kind.grid, kind.field, a[0], a[1], b[0], b[1], tolerance)
     return found + density.rotation * _turned(kind, a, b), error
@@ -324,7 +328,7 @@ def _curve_cost(
 def least_cost(kind: MotionModel, a: FloatArray, b: FloatArray) -> float:
     """Return a lower bound (metres) on :func:`cost` that is cheap to compute and continuous in a and b."""
     length = hypot(b[0] - a[0], b[1] - a[1])
-    if kind.weighted:
+    if len(kind.weighted):
         return kind.density.least * length
     turns = kind.drive in (STRAIGHT, DIFFERENTIAL)
     return length + ROTATION_WEIGHT * fabs(turn(a[2], b[2])) if turns else length
@@ -333,7 +337,7 @@ def least_cost(kind: MotionModel, a: FloatArray, b: FloatArray) -> float:
 @callee
 def obeys_triangle(kind: MotionModel) -> bool:
     """Return whether no motion costs more than two that lead to the same place."""
-    return not kind.weighted and (kind.drive != DIFFERENTIAL or not kind.reverse)
+    return len(kind.weighted) == 0 and (kind.drive != DIFFERENTIAL or not kind.reverse)
 
 
 @callee
@@ -356,7 +360,7 @@ def extra(kind: MotionModel, scratch: Scratch, a: FloatArray, b: FloatArray, gea
         b: shape (3,).
         gear: of the motion before: 1 forwards, -1 backwards, 0 if there is none or it makes no difference.
     """
-    if not charged(kind):
+    if len(kind.car) == 0 or not charged(kind):
         return 0.0, 0.0
     shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
     return word_extra(scratch.words[0], kind.radius, kind.direction_change, kind.reverse_metre, gear)
@@ -384,7 +388,7 @@ def word_extra(
 def extra_along(kind: MotionModel, scratch: Scratch, path: FloatArray, first: int, last: int) -> float:
     """Return the :func:`extra` cost of a path's motions from state ``first`` to ``last``, what is before left aside."""
     total, gear = 0.0, 0.0
-    if charged(kind):
+    if len(kind.car) and charged(kind):
         for i in range(max(0, first), min(last, len(path) - 1)):
             more, gear = extra(kind, scratch, path[i], path[i + 1], gear)
             total += more
@@ -408,7 +412,7 @@ def path_cost(kind: MotionModel, states: FloatArray, tolerance: float) -> tuple[
     """Return the cost of a path's motions, what it costs beyond them, and a bound on the error; states (n, 3)."""
     scratch, total, error = new_scratch(kind), 0.0, 0.0
     for i in range(len(states) - 1):
-        if kind.weighted:
+        if len(kind.weighted):
             one, off = weighted_cost(kind, scratch, states[i], states[i + 1], tolerance)
             error += off
         else:

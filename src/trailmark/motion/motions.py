@@ -23,7 +23,7 @@ from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
-__all__ = ["CurveMotion", "DifferentialMotion", "Motion", "StraightMotion", "TranslationMotion", "curve_model"]
+__all__ = ["CurveMotion", "DifferentialMotion", "Motion", "StraightMotion", "TranslationMotion"]
 
 DRAWN = 12
 """Number of straight lines that represent a curve in drawings."""
@@ -66,7 +66,7 @@ class Motion(ABC):
         self.checker = checker
         radius = checker.footprint.sweep_radius
         self.kind = MotionModel(
-            checker.grid, checker.field, checker.footprint, self.drive, radius, 1.0, True, 0.0, 0.0, False, *UNWEIGHTED
+            checker.grid, checker.field, checker.footprint, self.drive, radius, (), 1.0, True, 0.0, 0.0, (), *UNWEIGHTED
         )
 
     def weigh(self, objective: Objective) -> None:
@@ -74,7 +74,7 @@ class Motion(ABC):
         field, world = self.checker.field, self.checker.world
         farthest = float(field.distance.max(initial=0.0)) + field.slack
         density, one_way = build_density(objective, world.zones, farthest), one_ways(world.zones)
-        self.kind = self.kind._replace(weighted=True, density=density, one_way=one_way)
+        self.kind = self.kind._replace(weighted=(True,), density=density, one_way=one_way)
         self.objective, self.direct_is_best = objective, False
         self.directed = self.directed or len(one_way.zones) > 0
 
@@ -84,7 +84,7 @@ class Motion(ABC):
     @property
     def weighted(self) -> bool:
         """Whether a metre's cost differs from its length or from place to place, or its direction matters."""
-        return self.kind.weighted
+        return len(self.kind.weighted) > 0
 
     @property
     def density(self) -> Density:
@@ -337,7 +337,8 @@ class CurveMotion(Motion):
             )
         self.steering: Steering = chosen
         self.directed = not chosen.reverse
-        self.kind = curve_model(self.kind, chosen)
+        radius, reverse = chosen.radius, chosen.reverse
+        self.kind = self.kind._replace(embedding=radius, car=(True,), radius=radius, reverse=reverse)
         if objective is not None and chosen.reverse:
             change, more = objective.maneuver_costs
             self.kind = self.kind._replace(direction_change=change, reverse_metre=more)
@@ -369,9 +370,3 @@ class CurveMotion(Motion):
     def path(self, states: FloatArray) -> CurvePath:
         """Return the path over these knots, shape (n, 3)."""
         return CurvePath(states, self.steering)
-
-
-def curve_model(model: MotionModel, steering: Steering) -> MotionModel:
-    """Return the model of a car's shortest curves at no more cost than their length."""
-    radius = steering.radius
-    return model._replace(drive=base.CURVE, embedding=radius, radius=radius, reverse=steering.reverse)

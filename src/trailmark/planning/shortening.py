@@ -21,7 +21,6 @@ from trailmark.heading import turn, wrapped
 from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import Motion
 from trailmark.motion.base import (
-    CURVE,
     DIFFERENTIAL,
     STRAIGHT,
     MotionModel,
@@ -397,7 +396,7 @@ def propose(
         q: where to.
     """
     a, here, b = path[i - 1], path[i], path[i + 1]
-    if kind.weighted:
+    if len(kind.weighted):
         # At all scales: what is cheapest is curved, here more and there less.
         near = min(hypot(a[0] - here[0], a[1] - here[1]), hypot(b[0] - here[0], b[1] - here[1]))
         scale = max(0.5 * near * 2.0 ** (-6.0 * uniform(seed)), 1e-6)
@@ -406,7 +405,7 @@ def propose(
         last = attempt == (2, 4, 3, 5)[kind.drive]
     if last:
         return False
-    if kind.drive == CURVE:
+    if len(kind.car):
         _propose_curve(kind, scratch, path, i, share, attempt, seed, scale, q)
         return True
     heading = wrapped(a[2] + share * turn(a[2], b[2]))
