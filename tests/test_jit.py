@@ -515,7 +515,7 @@ import sys, time
 from functools import partial
 from pathlib import Path
 sys.path.insert(0, FOLDER)
-from trailmark.jit import side_by_side
+from trailmark.planning.warmup import side_by_side
 import jobs
 BROKEN
 todo = [partial(jobs.do, n, DONE) for n in (0, 1, 2)]

@@ -23,7 +23,7 @@ def warmup(as_json: JsonOption = False) -> None:
 
     Kernels compiled before come from the cache; after an interruption the command continues.
     """
-    from trailmark.jit import side_by_side
+    from trailmark.planning.warmup import side_by_side
 
     begun, before = time.perf_counter(), len(_kept()[0])
     stages = _stages()

@@ -212,7 +212,8 @@ class StraightMotion(Motion):
 
         Exactly half a turn is counter-clockwise in either direction: back, it is another motion.
         """
-        return np.asarray(super().reversible(a, b) & (np.abs(a[:, 2] - b[:, 2]) != np.pi))
+        known = super().reversible(a, b)
+        return known & (np.abs(a[:, 2] - b[:, 2]) != np.pi) if self.turns else known
 
     def path(self, states: FloatArray) -> Path:
         """Return the path over these states, shape (n, 3)."""
