@@ -28,6 +28,9 @@ CLOCK_EVERY = 32
 """Nodes that a search takes between two looks at its deadline."""
 
 
+TELLING = 1e-4
+"""Seconds that are over before the thread that writes knows of them."""
+
 LONGEST_LOOK = 0.5
 """Seconds after which the thread looks whether anybody still waits for a deadline."""
 
@@ -49,8 +52,8 @@ class Deadline(NamedTuple):
     @classmethod
     def after(cls, seconds: float) -> Deadline:
         """Return the deadline that is so many seconds from now; they may be infinite."""
-        shown = np.array([seconds <= 0.0, 0], np.int64)
-        if 0.0 < seconds < math.inf:
+        shown = np.array([seconds <= TELLING, 0], np.int64)
+        if TELLING < seconds < math.inf:
             _watch.add(perf_counter() + seconds, shown)
         return cls(shown, 1)
 
