@@ -11,10 +11,10 @@ import math
 import os
 import threading
 import weakref
+from collections import deque
 from contextlib import suppress
 from itertools import count
-from queue import Empty, SimpleQueue
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,9 @@ CLOCK_EVERY = 32
 
 TELLING = 1e-4
 """Seconds that are over before the thread that writes knows of them."""
+
+LATE = 5e-3
+"""Seconds by which a deadline may be late."""
 
 LONGEST_LOOK = 0.5
 """Seconds after which the thread looks whether anybody still waits for a deadline."""
@@ -70,40 +73,45 @@ def over(deadline: Deadline) -> bool:
 class _Watch:
     """A thread that sets what deadlines show, each at its time, and ends once nobody looks at any.
 
-    It is told of them through a queue without a lock of Python's, which an exception might leave taken.
+    It looks by itself whether there are new ones: to wake it takes as long as a short search, and a plan makes a
+    hundred. Nothing here needs a lock of Python's, which an exception might leave taken.
     """
 
     def __init__(self) -> None:
-        self._new: SimpleQueue[Entry] = SimpleQueue()
+        self._new: deque[Entry] = deque()
         self._numbers = count()
         self._thread: threading.Thread | None = None
 
     def add(self, time: float, shown: NDArray[np.int64]) -> None:
         """Set an array at a time, as ``time.perf_counter`` reads it, if it is there then."""
-        self._new.put((time, next(self._numbers), weakref.ref(shown)))
+        self._new.append((time, next(self._numbers), weakref.ref(shown)))
         if self._thread is None:  # where two are started, either takes some
             self._thread = threading.Thread(target=self._run, name="trailmark deadlines", daemon=True)
             self._thread.start()
 
     def _run(self) -> None:
         waiting: list[Entry] = []
+        looked = perf_counter()
         while True:
-            left = waiting[0][0] - perf_counter() if waiting else LONGEST_LOOK
-            with suppress(Empty):
-                heapq.heappush(waiting, self._new.get(timeout=max(0.0, min(left, LONGEST_LOOK))))
-                continue
-            while waiting and waiting[0][0] <= perf_counter():
+            while self._new:
+                with suppress(IndexError):  # another thread took it
+                    heapq.heappush(waiting, self._new.popleft())
+            now = perf_counter()
+            while waiting and waiting[0][0] <= now:
                 shown = heapq.heappop(waiting)[2]()
                 if shown is not None:
                     shown[0] = 1
                     del shown
-            waiting = [entry for entry in waiting if entry[2]() is not None]
-            heapq.heapify(waiting)
-            if not waiting:
-                # Who tells of another now starts another thread, unless it is seen here.
-                self._thread = None
-                if self._new.empty():
-                    return
+            if now - looked > LONGEST_LOOK:
+                looked = now
+                waiting = [entry for entry in waiting if entry[2]() is not None]
+                heapq.heapify(waiting)
+                if not waiting:
+                    # Who tells of another now starts another thread, unless it is seen here.
+                    self._thread = None
+                    if not self._new:
+                        return
+            sleep(max(0.0, min(LATE, waiting[0][0] - now)) if waiting else LATE)
 
 
 _watch = _Watch()
