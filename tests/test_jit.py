@@ -161,8 +161,6 @@ class _Source:
         read = [*(f for f, _ in self.kernels), *(values if self.kernels else ())]
         self.read = {name.id for part in read for name in ast.walk(part) if isinstance(name, ast.Name)}
         inside = {id(node) for f, _ in self.kernels for part in f.body for node in ast.walk(part)}
-        given = [n.args for n in ast.walk(tree) if isinstance(n, ast.Call) and "variant_of" in ast.dump(n.func)]
-        inside |= {id(argument) for arguments in given for argument in arguments}
         self.in_python = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and id(n) not in inside}
 
 
@@ -516,7 +514,7 @@ import sys, time
 from functools import partial
 from pathlib import Path
 sys.path.insert(0, FOLDER)
-from trailmark.jit import side_by_side
+from trailmark.planning.warmup import side_by_side
 import jobs
 BROKEN
 todo = [partial(jobs.do, n, DONE) for n in (0, 1, 2)]

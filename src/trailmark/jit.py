@@ -11,15 +11,13 @@ import fcntl
 import gc
 import hashlib
 import os
-import pickle
 import shutil
 import signal
 import stat
-import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
@@ -30,7 +28,7 @@ import numba
 import numpy as np
 from numba.core import event
 
-__all__ = ["array_callee", "callee", "compiling_for", "kernel_digest", "kernel_folder", "njit", "side_by_side"]
+__all__ = ["array_callee", "callee", "compiling", "compiling_for", "kernel_digest", "kernel_folder", "njit"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -43,37 +41,23 @@ SPACE = 300_000_000
 REPORT_AFTER, PAUSE = 1.0, 30.0
 """Seconds of compiling before it is reported, and without compiling before it is reported again."""
 
-SIGNALS = tuple(
-    getattr(signal, name)
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM", "SIGVTALRM", "SIGPROF", "SIGUSR1", "SIGUSR2")
-    if hasattr(signal, name)
-)
+RAISING = "INT", "TERM", "HUP", "ALRM", "VTALRM", "PROF", "USR1", "USR2"
+SIGNALS = [getattr(signal, f"SIG{name}") for name in RAISING if hasattr(signal, f"SIG{name}")]
 """Those of which handlers raise exceptions."""
-
-HELPER = """
-import pickle, sys
-sys.path[:] = pickle.load(sys.stdin.buffer)
-from trailmark import jit
-jit.compiling.alone = False
-for job in pickle.load(sys.stdin.buffer):
-    job()
-"""
-"""What a second process runs; it finds modules where this one does, whatever lies in the working directory."""
 
 _deciding = threading.Lock()
 
 
 def report(line: str) -> None:
-    """Print one line on stderr, the only way to reach whoever uses a library."""
+    """Print one line on stderr."""
     if sys.stderr is not None:
-        print(f"trailmark: {line}", file=sys.stderr, flush=True)  # noqa: T201  # as said above
+        print(f"trailmark: {line}", file=sys.stderr, flush=True)  # noqa: T201  # a library reaches its user in no other way
 
 
 def kernel_digest(package: Path = PACKAGE) -> str:
     """Return a digest of all files of a package that name this module: of kernels, and of what kernels read."""
     digest = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
-        text = file.read_bytes()
+    for file, text in ((file, file.read_bytes()) for file in sorted(package.rglob("*.py"))):
         if b"trailmark.jit" in text:
             digest.update(f"{file.relative_to(package)} {len(text)} ".encode() + text)
     return digest.hexdigest()[:16]
@@ -88,25 +72,23 @@ def kernel_folder() -> Path | None:
     places = [*([Path(chosen, own)] if chosen else []), PACKAGE / "__pycache__" / "kernels", Path(user, own)]
     digest = kernel_digest()
     for place in places:
-        if _usable(place, digest):
+        if _usable(place / digest):
             return place / digest
     private = _private_folder()
-    if private is not None and _usable(private / own, digest):
+    if private is not None and _usable(private / own / digest):
         report(f"no cache folder for compiled kernels can be written to, they are cached in {private}")
         return private / own / digest
     report("no folder can be written to: the kernels are compiled anew by each process (NUMBA_CACHE_DIR names one)")
     return None
 
 
-def _usable(place: Path, digest: str) -> bool:
-    """Return whether kernels can be kept at a place; removes those of other states of the same sources there."""
+def _usable(folder: Path) -> bool:
+    """Return whether kernels can be kept in a folder; removes those of other states of the same sources beside it."""
     try:
-        folder = place / digest
         if not folder.is_dir():
             folder.mkdir(parents=True)
-            for other in place.iterdir():
-                if other != folder:
-                    shutil.rmtree(other, ignore_errors=True)
+            for other in set(folder.parent.iterdir()) - {folder}:
+                shutil.rmtree(other, ignore_errors=True)
         tempfile.TemporaryFile(dir=folder).close()
         return shutil.disk_usage(folder).free > SPACE
     except OSError:
@@ -150,10 +132,8 @@ def njit(*, numbers: Literal[True], nogil: bool = ...) -> Callable[[Callable[P, 
 def njit(function: Any = None, /, *, nogil: bool = False, numbers: bool = False) -> Any:
     """Compile a kernel that Python calls, at its first call.
 
-    Args:
-        function: the kernel.
-        nogil: whether it runs beside Python's other threads, as those must that are given a deadline.
-        numbers: kernels call it too: as :func:`callee`.
+    With ``nogil`` it runs beside Python's other threads, as those must that are given a deadline. Of ``numbers`` are
+    those that kernels call too, as a :func:`callee`.
     """
     if function is None:
         return partial(_compiled, nogil=nogil, _nrt=not numbers)
@@ -179,23 +159,18 @@ class _Compiling(event.Listener):
     """What happens around numba's work: signals wait, garbage stays, one process writes, and one line tells of it.
 
     An exception between two lines of numba's, as Ctrl-C raises it, would leave its tables broken.
-
-    Attributes:
-        alone: whether no second process compiles for this one, or this one for another.
-        uses: what kernels are compiled for, the innermost last.
-        begin: called when the next kernel is compiled.
     """
 
     def __init__(self, say: Callable[[str], None] = report, clock: Callable[[], float] = perf_counter) -> None:
-        self.alone = True
-        self.uses: list[str] = []
-        self.begin: Callable[[], None] | None = None
+        self.alone = True  # no second process compiles for this one, nor this one for another
+        self.uses: list[str] = []  # what kernels are compiled for, the innermost last
+        self.begin: Callable[[], None] | None = None  # called when the next kernel is compiled
         self._say, self._clock = say, clock
         self._begun = self._last = -PAUSE
         self._said = self._said_before = self._collecting = False
         self._depth = 0
-        self._handlers: dict[signal.Signals, Any] = {}
-        self._waiting: list[signal.Signals] = []
+        self._handlers: dict[int, Any] = {}
+        self._waiting: list[int] = []
         self._writing: IO[bytes] | None = None
 
     def on_start(self, event: Any) -> None:
@@ -230,9 +205,9 @@ class _Compiling(event.Listener):
                 self._release()
 
     def _tell(self, module: str) -> None:
-        now = self._clock()
         if not module.startswith("trailmark"):
             return
+        now = self._clock()
         if now - self._last > PAUSE:
             self._begun, self._said = now, False
         self._last = now
@@ -248,18 +223,14 @@ class _Compiling(event.Listener):
         self._collecting = gc.isenabled()
         gc.disable()
         self._handlers, self._waiting = {}, []
-        for number in SIGNALS:
-            handler = signal.getsignal(number)
-            if callable(handler):
-                self._handlers[number] = handler
-                signal.signal(number, self._wait)
+        for number in (number for number in SIGNALS if callable(signal.getsignal(number))):
+            self._handlers[number] = signal.signal(number, self._wait)
 
     def _wait(self, number: int, frame: Any) -> None:
-        arrived = signal.Signals(number)
-        if arrived in self._waiting:  # for the second time
-            self._handlers[arrived](number, frame)
+        if number in self._waiting:  # for the second time
+            self._handlers[number](number, frame)
         else:
-            self._waiting.append(arrived)
+            self._waiting.append(number)
 
     def _release(self) -> None:
         if self._collecting:
@@ -283,39 +254,3 @@ def compiling_for(use: str) -> Iterator[None]:
         yield
     finally:
         compiling.uses.pop()
-
-
-@contextmanager
-def side_by_side(jobs: Sequence[Callable[[], object]]) -> Iterator[None]:
-    """Let a second process do jobs in the reverse order, from when the block begins to compile until it ends.
-
-    The block does the same jobs in their order: what one process compiles the other finds in the cache. Where there is
-    one processor only, or no second process can be started, the block does everything.
-
-    Args:
-        jobs: without arguments, to be pickled; a second process that fails in one of them ends.
-    """
-    if not compiling.alone or (os.cpu_count() or 1) < 2:
-        yield
-        return
-    helpers: list[subprocess.Popen[bytes]] = []
-
-    def begin() -> None:
-        null = subprocess.DEVNULL
-        with suppress(OSError):
-            helpers.append(
-                subprocess.Popen(  # noqa: S603  # our own program
-                    [sys.executable, "-c", HELPER], stdin=subprocess.PIPE, stdout=null, stderr=null
-                )
-            )
-            with helpers[0].stdin as pipe:  # type: ignore[union-attr]  # it is a pipe
-                pipe.write(pickle.dumps(sys.path) + pickle.dumps(list(reversed(jobs))))
-
-    compiling.alone, compiling.begin = False, begin
-    try:
-        yield
-    finally:
-        compiling.alone, compiling.begin = True, None
-        for helper in helpers:
-            helper.terminate()
-            helper.wait()

@@ -12,7 +12,7 @@ from tests.support.forks import Forks
 from trailmark import se2
 from trailmark.curves import Steering
 from trailmark.curves.shortest import MAX_WORDS, all_words, curve_states
-from trailmark.curves.words import reversed_word, unit_length
+from trailmark.curves.words import copy_word, unit_length
 
 ORACLE = """
 import sys
@@ -104,7 +104,8 @@ def test_lengths_and_places_are_ompls(answers: dict[str, np.ndarray], reverse: b
         alike = [word for word in words[:n] if steering.radius * unit_length(word) < lengths[i] + 1e-8]
         count = len(alike)
         assert count > 1
-        alike = [reversed_word(word) if swapped else word for word in alike]
+        for word in alike:
+            copy_word(word, swapped, word)
         on_them = curve_states(a[[i] * count], np.array(alike), steering.radius, np.full((count, 1), t[i] * lengths[i]))
         assert np.abs(se2.difference(on_them[:, 0], expected[i])).max(axis=1).min() < 1e-6
 

@@ -8,7 +8,7 @@ from tests.helpers.density_oracle import sampled_cost
 from tests.support.trials import trials
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
-from trailmark.motion import WeightedMotion, motion_of
+from trailmark.motion import Motion, motion_of
 from trailmark.motion.density import line_cost
 from trailmark.robot import Robot
 from trailmark.zones import Zone
@@ -31,9 +31,9 @@ def world_with(zones: tuple[Zone, ...] = ZONES, offset: float = 0.0) -> World:
     return World("w", (0.0, 0.0, 10.0, 10.0), OBSTACLES, Robot.disc(0.2), zones=zones)
 
 
-def weighted(world: World, objective: Objective) -> WeightedMotion:
+def weighted(world: World, objective: Objective) -> Motion:
     motion = motion_of(StateChecker(world), objective=objective)
-    assert isinstance(motion, WeightedMotion)
+    assert motion.weighted
     return motion
 
 

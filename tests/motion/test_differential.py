@@ -76,7 +76,7 @@ def test_reversible_motions_are_their_opposites() -> None:
     a, b = q[:200], q[200:]
     assert motion.reversible(a, b).all()
     for start, end in zip(a[:50], b[:50], strict=True):
-        there, back = (motion.driven(np.array(pair)) for pair in ((start, end), (end, start)))
+        there, back = (motion.path(np.array(pair)).states for pair in ((start, end), (end, start)))
         assert there[::-1] == pytest.approx(back, abs=1e-9)
     level = np.array([[0.0, 0.0, math.pi / 2]]), np.array([[1.0, 0.0, math.pi / 2]])
     assert not motion.reversible(*level).any()
@@ -95,7 +95,7 @@ def test_certified_motions_meet_nothing(name: str) -> None:
     b = a + np.column_stack([rng.uniform(-4, 4, (n, 2)), rng.uniform(-2, 2, n)])
     free = motion.motions_valid(a, b)
     assert 0.1 * n < free.sum() < 0.9 * n
-    driven = [motion.driven(np.array(ends)) for ends in zip(a, b, strict=True)]
+    driven = [motion.path(np.array(ends)).states for ends in zip(a, b, strict=True)]
     of = np.repeat(np.arange(n), [len(states) - 1 for states in driven])
     first, last = (np.concatenate([states[part] for states in driven]) for part in (slice(-1), slice(1, None)))
     hits = Oracle(world, robot).collides(motion_states(first, last, 200).reshape(-1, 3)).reshape(-1, 200).any(axis=1)

@@ -13,7 +13,6 @@ from tests.support.trials import few
 
 from trailmark import OneWayZone, Polygon, se2
 from trailmark.curves import Steering
-from trailmark.curves.words import PIECES
 from trailmark.motion.one_way import OneWays, curve_allowed, one_ways, straight_allowed
 from trailmark.se2 import FloatArray
 
@@ -166,13 +165,13 @@ def test_curves_against_the_oracle(
 
 
 def word_of(steering: Steering, a: FloatArray, b: FloatArray) -> FloatArray:
-    from trailmark.curves.shortest import MAX_WORDS, shortest_word
+    from trailmark.curves.shortest import curve_words
 
-    return np.array(shortest_word(a, b, steering.radius, steering.reverse, np.empty((MAX_WORDS, 2, PIECES))))
+    return np.asarray(curve_words(a[None], b[None], steering.radius, steering.reverse)[0])
 
 
 def test_no_zones_at_all() -> None:
     none = one_ways([])
     assert isinstance(none, OneWays)
-    assert len(none.headings) == 0
+    assert len(none.zones) == 0
     assert curve_allowed(none, np.zeros(3), np.ones((2, 5)), 1.0)

@@ -1,4 +1,4 @@
-"""Weighted motions: as certified as those they are made of, dearer or cheaper, and one way where a zone says so."""
+"""Weighted motions: as certified as those they are without, dearer or cheaper, and one way where a zone says so."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tests.helpers.density_oracle import sampled_cost
 
 from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, StateChecker, World
 from trailmark.collision.kernels import FREE
-from trailmark.motion import WeightedMotion, motion_of
+from trailmark.motion import motion_of
 from trailmark.motion.base import costs, motions_free
 from trailmark.robot import Robot
 
@@ -36,9 +36,9 @@ def pairs(seed: int, count: int, checker: StateChecker) -> tuple[np.ndarray, np.
 def test_certification_is_that_of_the_plain_motion(name: str) -> None:
     checker = StateChecker(WORLD, ROBOTS[name])
     weighted = motion_of(checker)
-    assert isinstance(weighted, WeightedMotion)
+    assert weighted.weighted
     a, b = pairs(0, 60, checker)
-    plain, own = (np.asarray(motions_free(kind, a, b)) for kind in (weighted.motion.kind, weighted.kind))
+    plain, own = (np.asarray(motions_free(kind, a, b)) for kind in (weighted.kind._replace(weighted=()), weighted.kind))
     np.testing.assert_array_equal(plain, own)
     assert 0 < own.sum() < len(own)
 
@@ -48,7 +48,7 @@ def test_a_cost_is_between_the_length_and_the_factor_times_it(name: str) -> None
     checker = StateChecker(WORLD, ROBOTS[name])
     weighted = motion_of(checker)
     a, b = pairs(1, 40, checker)
-    length, cost = (np.asarray(costs(kind, a, b)) for kind in (weighted.motion.kind, weighted.kind))  # type: ignore[attr-defined]
+    length, cost = (np.asarray(costs(kind, a, b)) for kind in (weighted.kind._replace(weighted=()), weighted.kind))
     assert (cost >= length * (1.0 - 1e-9)).all()
     assert (cost <= 2.0 * length * (1.0 + 1e-9)).all()
     assert (cost > length * 1.01).any()

@@ -9,8 +9,7 @@ import pytest
 from tests.support.trials import few, trials
 
 from trailmark import CurvePath, OneWayZone, Path, Polygon, Robot, Steering, World, check_path
-from trailmark.curves.shortest import MAX_WORDS, shortest_word
-from trailmark.curves.words import PIECES
+from trailmark.curves.shortest import curve_words
 from trailmark.motion.one_way import curve_allowed, one_ways, straight_allowed
 from trailmark.verify import RIM, Verifier
 
@@ -74,7 +73,7 @@ def test_it_agrees_with_the_compiled_test() -> None:
             robot = Robot.rectangle(0.5, 0.3)
         else:
             steering = Steering(rng.uniform(0.3, 2.0), bool(rng.random() < 0.5))
-            word = shortest_word(a, b, steering.radius, steering.reverse, np.empty((MAX_WORDS, 2, PIECES)))
+            word = curve_words(a[None], b[None], steering.radius, steering.reverse)[0]
             allowed = bool(curve_allowed(one_ways([zone]), a, word, steering.radius))
             path, robot = CurvePath(np.array([a, b]), steering), Robot.rectangle(0.5, 0.3)
         assert (check_of(zone, robot).fault(path, path.states[0], path.states[-1]) is None) == allowed

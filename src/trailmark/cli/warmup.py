@@ -23,7 +23,7 @@ def warmup(as_json: JsonOption = False) -> None:
 
     Kernels compiled before come from the cache; after an interruption the command continues.
     """
-    from trailmark.jit import side_by_side
+    from trailmark.planning.warmup import side_by_side
 
     begun, before = time.perf_counter(), len(_kept()[0])
     stages = _stages()
@@ -103,8 +103,7 @@ def _warm_up_pointwise() -> None:
     """Run every kernel that answers for one configuration or motion per call."""
     from trailmark.collision import StateChecker
     from trailmark.curves import Steering
-    from trailmark.motion.curve_marks import CurveMarks
-    from trailmark.motion.pointwise import PointwiseChecker
+    from trailmark.motion.pointwise import CurveMarks, PointwiseChecker
     from trailmark.planning.warmup import ROBOTS, SMALL
 
     (world, ends), robot = SMALL, ROBOTS["straight"]

@@ -33,15 +33,13 @@ from trailmark.curves.words import PIECES, drive
 from trailmark.heading import turn
 from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
-from trailmark.variants import by_type, variant_of
 
 __all__ = [
     "BUDGET",
     "CONTACT",
     "END_ZONE",
     "EXACT",
-    "CurveTrack",
-    "StraightTrack",
+    "Track",
     "certify",
     "curve_motion",
     "curve_track",
@@ -76,17 +74,20 @@ EXACT: Any = np.bool_(True)
 """Whether to look at more than the clearance field; of numpy's type likewise."""
 
 
-class StraightTrack(NamedTuple):
-    """A motion with x, y and heading all linear.
+class Track(NamedTuple):
+    """A straight motion, with x, y and heading all linear, or a car's curve of arcs and straight pieces.
 
     Attributes:
         x: of the start, metres.
         y: of the start, metres.
         theta: of the start, radians.
-        dx: change of x for each metre of the scale.
+        dx: of a straight motion: change of x for each metre of the scale.
         dy: change of y, likewise.
         dtheta: change of the heading, radians for each metre, the shorter way round.
         bound: length of the scale, metres.
+        used: number of a curve's pieces, 0 of a straight motion.
+        radius: turning radius, metres.
+        turning: R/ρ: metres by which the outline moves farther than the reference point, for each metre of an arc.
     """
 
     x: float
@@ -96,49 +97,23 @@ class StraightTrack(NamedTuple):
     dy: float
     dtheta: float
     bound: float
-
-
-class CurveTrack(NamedTuple):
-    """A car's curve: arcs and straight pieces.
-
-    Attributes:
-        pieces: (5, 6): where a piece begins (x, y, heading), its side (1 left, 0 straight, -1 right), its length
-            (metres, negative backwards), and where on the scale it begins (metres).
-        used: number of pieces.
-        radius: turning radius, metres.
-        turning: R/ρ: metres by which the outline moves farther than the reference point, for each metre of an arc.
-        bound: length of the scale, metres.
-    """
-
-    pieces: FloatArray
     used: int
     radius: float
     turning: float
-    bound: float
 
 
-@by_type
-def pose(track: StraightTrack | CurveTrack, along: float) -> tuple[float, float, float]:
-    """Return the configuration at a place on the track's scale, metres."""
-    raise NotImplementedError
-
-
-@variant_of(pose, StraightTrack)
 @callee
-def _straight_pose(track: StraightTrack, along: float) -> tuple[float, float, float]:
-    return track.x + along * track.dx, track.y + along * track.dy, track.theta + along * track.dtheta
-
-
-@variant_of(pose, CurveTrack)
-@callee
-def _curve_pose(track: CurveTrack, along: float) -> tuple[float, float, float]:
+def pose(track: Track, pieces: FloatArray, along: float) -> tuple[float, float, float]:
+    """Return the configuration at a place on the track's scale, metres; the pieces are those of :func:`curve_track`."""
+    if track.used == 0:
+        return track.x + along * track.dx, track.y + along * track.dy, track.theta + along * track.dtheta
     k = track.used - 1
-    while track.pieces[k, 5] > along:
+    while pieces[k, 5] > along:
         k -= 1
-    x, y, theta, side, length, begin = track.pieces[k]
+    side, length, begin = pieces[k, 3], pieces[k, 4], pieces[k, 5]
     part = (along - begin) / (1.0 + fabs(side) * track.turning)
-    found: tuple[float, float, float] = drive(x, y, theta, side, part if length > 0.0 else -part, track.radius)
-    return found
+    way = part if length > 0.0 else -part
+    return drive(pieces[k, 0], pieces[k, 1], pieces[k, 2], side, way, track.radius)
 
 
 @callee
@@ -153,14 +128,15 @@ def new_queue() -> FloatArray:
     return np.empty((128, 2))
 
 
-@njit(numbers=True)
+@callee
 def certify(
     grid: ObstacleGrid,
     field: ClearanceField,
     robot: Footprint,
     placed: FloatArray,
     queue: FloatArray,
-    track: StraightTrack | CurveTrack,
+    track: Track,
+    pieces: FloatArray,
     exact: bool,
     budget: int,
 ) -> int:
@@ -177,6 +153,7 @@ def certify(
         placed: memory (:func:`trailmark.collision.kernels.workspace`).
         queue: memory (:func:`new_queue`).
         track: of the motion.
+        pieces: of its curve (:func:`curve_track`); of a straight motion any array, which is not read.
         exact: False uses the field alone.
         budget: maximum number of configurations evaluated.
     """
@@ -204,7 +181,7 @@ def certify(
             continue
         middle = 0.5 * (low + high)
         need = 0.5 * (high - low) + ROUNDING
-        x, y, theta = pose(track, middle)
+        x, y, theta = pose(track, pieces, middle)
         c, s = cos(theta), sin(theta)
         d = field_clearance(field, robot, x, y, c, s, need)
         if d < need:
@@ -251,16 +228,16 @@ def motion(
     budget: int,
 ) -> int:
     """Return what :func:`certify` returns for the straight motion from a to b, each of shape (3,)."""
-    return int(certify(grid, field, robot, placed, queue, straight_track(robot, a, b), exact, budget))
+    return int(certify(grid, field, robot, placed, queue, straight_track(robot, a, b), robot.cover, exact, budget))
 
 
 @callee
-def straight_track(robot: Footprint, a: FloatArray, b: FloatArray) -> StraightTrack:
+def straight_track(robot: Footprint, a: FloatArray, b: FloatArray) -> Track:
     """Return the straight motion from a to b, each of shape (3,), as a track."""
     dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
     bound = hypot(dx, dy) + robot.sweep_radius * fabs(dtheta)
     rate = 1.0 / bound if bound > 0.0 else 0.0
-    return StraightTrack(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound)
+    return Track(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound, 0, 1.0, 0.0)
 
 
 @array_callee
@@ -276,13 +253,18 @@ def curve_motion(
     budget: int,
 ) -> int:
     """Return what :func:`certify` returns for the curve of a word, shape (2, 5), from a."""
-    return int(certify(grid, field, robot, placed, queue, curve_track(robot, a, word, radius), EXACT, budget))
-
-
-@array_callee
-def curve_track(robot: Footprint, a: FloatArray, word: FloatArray, radius: float) -> CurveTrack:
-    """Return the curve of a word, shape (2, 5), from a, shape (3,), as a track; the radius in metres."""
     pieces = np.empty((PIECES, 6))
+    track = curve_track(robot, a, word, radius, pieces)
+    return int(certify(grid, field, robot, placed, queue, track, pieces, EXACT, budget))
+
+
+@callee
+def curve_track(robot: Footprint, a: FloatArray, word: FloatArray, radius: float, pieces: FloatArray) -> Track:
+    """Return the curve of a word, shape (2, 5), from a, shape (3,), as a track; the radius in metres.
+
+    Its pieces, (5, 6), are where each begins (x, y, heading), its side (1 left, 0 straight, -1 right), its length
+    (metres, negative backwards), and where on the scale it begins (metres).
+    """
     used, bound, turning = 0, 0.0, robot.sweep_radius / radius
     x, y, theta = a[0], a[1], a[2]
     for k in range(PIECES):
@@ -294,7 +276,7 @@ def curve_track(robot: Footprint, a: FloatArray, word: FloatArray, radius: float
         bound += fabs(length) * (1.0 + fabs(side) * turning)
         x, y, theta = drive(x, y, theta, side, length, radius)
         used += 1
-    return CurveTrack(pieces, used, radius, turning, bound)
+    return Track(a[0], a[1], a[2], 0.0, 0.0, 0.0, bound, used, radius, turning)
 
 
 @njit(nogil=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trailmark.curves.dubins import dubins_words
 from trailmark.curves.reeds_shepp import reeds_shepp_words
-from trailmark.curves.words import PIECES, reversed_word, rounding, seen_from, unit_length, walk
+from trailmark.curves.words import PIECES, copy_word, rounding, seen_from, unit_length, walk
 from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
@@ -61,9 +61,9 @@ def shortest_of(words: FloatArray, n: int) -> tuple[int, float]:
     return best, shortest
 
 
-@njit
-def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> FloatArray:
-    """Return the word, shape (2, 5), of the shortest curve from a to b.
+@njit(numbers=True)
+def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> float:
+    """Write the word of the shortest curve from a to b to the first of ``words``; return its length in metres.
 
     Args:
         a: from, shape (3,).
@@ -73,8 +73,9 @@ def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, wo
         words: memory, shape (MAX_WORDS, 2, 5).
     """
     n, swapped = all_words(a, b, radius, reverse, words)
-    best, _ = shortest_of(words, n)
-    return reversed_word(words[best]) if swapped else words[best]
+    best, length = shortest_of(words, n)
+    copy_word(words[best], swapped, words[0])
+    return radius * length
 
 
 @callee
@@ -91,8 +92,7 @@ def as_long(words: FloatArray, n: int, best: int, length: float, slack: float, n
 @callee
 def curve_length(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> float:
     """Return the length (metres) of the shortest curve from a to b; ``words`` is memory as above."""
-    n, _ = all_words(a, b, radius, reverse, words)
-    return radius * shortest_of(words, n)[1]
+    return radius * shortest_of(words, all_words(a, b, radius, reverse, words)[0])[1]
 
 
 @njit(nogil=True)
@@ -111,7 +111,8 @@ def curve_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool) -> F
     words = np.empty((MAX_WORDS, 2, PIECES))
     result = np.empty((len(a), 2, PIECES))
     for i in range(len(a)):
-        result[i] = shortest_word(a[i], b[i], radius, reverse, words)
+        shortest_word(a[i], b[i], radius, reverse, words)
+        result[i] = words[0]
     return result
 
 

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from math import cos, fabs, sin
 
-import numpy as np
-
 from trailmark.heading import turn, wrapped
 from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["PIECES", "SAME", "drive", "put", "reversed_word", "rounding", "seen_from", "unit_length", "walk"]
+__all__ = ["PIECES", "SAME", "copy_word", "drive", "put", "rounding", "seen_from", "unit_length", "walk"]
 
 PIECES = 5
 """Maximum number of pieces of a word."""
@@ -105,11 +103,12 @@ def rounding(a: FloatArray, b: FloatArray, radius: float) -> float:
     return max(SAME, _PLACES * largest / radius)
 
 
-@njit
-def reversed_word(word: FloatArray) -> FloatArray:
-    """Return the word of the same curve in the opposite direction."""
-    back = np.empty_like(word)
-    for k in range(PIECES):
-        back[0, PIECES - 1 - k] = -word[0, k]
-        back[1, PIECES - 1 - k] = word[1, k]
-    return back
+@njit(numbers=True)
+def copy_word(word: FloatArray, backward: bool, to: FloatArray) -> None:
+    """Write a word, or that of the same curve in the opposite direction, to another place or to its own."""
+    for k in range((PIECES + 1) // 2):
+        last = PIECES - 1 - k
+        way, side, way_last, side_last = word[0, k], word[1, k], word[0, last], word[1, last]
+        if backward:
+            way, side, way_last, side_last = -way_last, side_last, -way, side
+        to[0, k], to[1, k], to[0, last], to[1, last] = way, side, way_last, side_last

@@ -4,12 +4,7 @@ from typing import Literal
 
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
-from trailmark.motion.base import Motion
-from trailmark.motion.curve import CurveMotion
-from trailmark.motion.differential import DifferentialMotion
-from trailmark.motion.straight import StraightMotion
-from trailmark.motion.translation import TranslationMotion
-from trailmark.motion.weighted import WeightedMotion
+from trailmark.motion.motions import CurveMotion, DifferentialMotion, Motion, StraightMotion, TranslationMotion
 from trailmark.objective import Objective
 from trailmark.world import Robot, World
 from trailmark.zones import CostZone, OneWayZone
@@ -21,7 +16,6 @@ __all__ = [
     "Motion",
     "StraightMotion",
     "TranslationMotion",
-    "WeightedMotion",
     "is_weighted",
     "kind_of",
     "motion_of",
@@ -55,7 +49,9 @@ def motion_of(checker: StateChecker, steering: Steering | None = None, objective
     else:
         motion = TranslationMotion(checker) if checker.footprint.is_disc else StraightMotion(checker)
     objective = Objective() if objective is None else objective
-    return WeightedMotion(motion, objective) if is_weighted(checker.world, objective) else motion
+    if is_weighted(checker.world, objective):
+        motion.weigh(objective)
+    return motion
 
 
 def is_weighted(world: World, objective: Objective) -> bool:

@@ -11,6 +11,7 @@ the integral of exp((|u| − d)/λ) − exp(−d/λ) over −r <= u <= r.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import exp, expm1, hypot
 from typing import NamedTuple
 
@@ -24,8 +25,7 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.jit import array_callee, callee, njit
 from trailmark.objective import Objective
 from trailmark.se2 import FloatArray
-from trailmark.world import World
-from trailmark.zones import CostZone, SpeedZone
+from trailmark.zones import CostZone, SpeedZone, Zone
 
 __all__ = ["Density", "build_density", "densities", "least_factor", "line_cost", "near_border", "sort_in_place"]
 
@@ -64,16 +64,16 @@ class Density(NamedTuple):
     most: float
 
 
-def build_density(objective: Objective, world: World, farthest: float) -> Density:
-    """Return the density of an objective in a world.
+def build_density(objective: Objective, zones: Iterable[Zone], farthest: float) -> Density:
+    """Return the density of an objective.
 
     Args:
         objective: weights.
-        world: gives cost and speed zones.
+        zones: of which cost and speed zones count.
         farthest: metres, no place of the world is farther from obstacles, boundary and bounds.
     """
     rows, edges = [], [np.empty((0, 4))]
-    for zone in world.zones:
+    for zone in zones:
         factor = zone.factor if isinstance(zone, CostZone) else 1.0
         limit = zone.limit if isinstance(zone, SpeedZone) else np.inf
         # A speed limit matters only to who minds the time, a factor to who minds the length.
@@ -83,16 +83,16 @@ def build_density(objective: Objective, world: World, farthest: float) -> Densit
         own, first = np.concatenate(rings), sum(len(part) for part in edges)
         edges.append(own)
         rows.append([first, first + len(own), *own[:, :2].min(axis=0), *own[:, :2].max(axis=0), factor, limit])
-    zones = np.array(rows, dtype=np.float64).reshape(-1, 8)
-    least = objective.length * least_factor(zones) + objective.time / objective.max_speed
+    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
+    least = objective.length * least_factor(table) + objective.time / objective.max_speed
     least += objective.clearance * exp(-farthest / objective.decay)
     # Factors above 1 are bounded as their inverses are, which lie below 1.
-    inverse = np.column_stack([zones[:, :6], 1.0 / zones[:, 6:7], zones[:, 7:]])
+    inverse = np.column_stack([table[:, :6], 1.0 / table[:, 6:7], table[:, 7:]])
     most = objective.length / least_factor(inverse)
-    most += objective.time / min(objective.max_speed, float(zones[:, 7].min(initial=np.inf)))
+    most += objective.time / min(objective.max_speed, float(table[:, 7].min(initial=np.inf)))
     return Density(
         np.ascontiguousarray(np.concatenate(edges)),
-        zones,
+        table,
         objective.length,
         objective.time,
         objective.clearance,

@@ -48,17 +48,11 @@ class OneWays(NamedTuple):
 
     Attributes:
         edges: (m, 4), x1, y1, x2, y2 of the edges of all outlines and holes, zone by zone.
-        first: (k + 1,), where the edges of each zone begin.
-        boxes: (k, 4), xmin, ymin, xmax, ymax of each zone.
-        headings: (k,), radians in (-pi, pi].
-        tolerances: (k,), radians.
+        zones: (k, 8): first edge and one behind the last, xmin, ymin, xmax, ymax, heading in (-pi, pi], tolerance.
     """
 
     edges: FloatArray
-    first: NDArray[np.int64]
-    boxes: FloatArray
-    headings: FloatArray
-    tolerances: FloatArray
+    zones: FloatArray
 
 
 def one_ways(zones: Iterable[Zone]) -> OneWays:
@@ -66,19 +60,17 @@ def one_ways(zones: Iterable[Zone]) -> OneWays:
     found = [zone for zone in zones if isinstance(zone, OneWayZone)]
     edges = [np.vstack([np.hstack([r, np.roll(r, -1, axis=0)]) for r in zone.region.rings()]) for zone in found]
     edges = [rows[(rows[:, :2] != rows[:, 2:]).any(axis=1)] for rows in edges]  # a corner may be there twice
-    return OneWays(
-        np.concatenate([np.empty((0, 4)), *edges]),
-        np.cumsum([0, *map(len, edges)], dtype=np.int64),
-        np.array([zone.region.bounding_box() for zone in found]).reshape(-1, 4),
-        np.array([zone.heading for zone in found], dtype=np.float64),
-        np.array([zone.tolerance for zone in found], dtype=np.float64),
-    )
+    ends = np.cumsum([0, *map(len, edges)])
+    rows = [
+        (*ends[k : k + 2], *zone.region.bounding_box(), zone.heading, zone.tolerance) for k, zone in enumerate(found)
+    ]
+    return OneWays(np.concatenate([np.empty((0, 4)), *edges]), np.array(rows, dtype=np.float64).reshape(-1, 8))
 
 
 @njit(numbers=True)
 def straight_allowed(zones: OneWays, a: FloatArray, b: FloatArray) -> bool:
     """Return whether the straight motion from a to b, each of shape (3,), travels as all zones allow."""
-    if len(zones.headings) == 0:
+    if len(zones.zones) == 0:
         return True
     dx, dy = b[0] - a[0], b[1] - a[1]
     return _piece_allowed(zones, a[0], a[1], atan2(dy, dx), 0.0, hypot(dx, dy), 1.0)
@@ -93,7 +85,7 @@ def straight_valid(checker: StateChecker) -> Callable[[FloatArray, FloatArray], 
 
     def valid(a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
         found = np.array(checker.motions_valid(a, b))
-        if len(zones.headings):
+        if len(zones.zones):
             for i in np.flatnonzero(found):
                 found[i] = straight_allowed(zones, a[i], b[i])
         return found
@@ -111,7 +103,7 @@ def curve_allowed(zones: OneWays, a: FloatArray, word: FloatArray, radius: float
         word: its pieces, shape (2, 5) (:mod:`trailmark.curves.words`).
         radius: turning radius, metres.
     """
-    if len(zones.headings) == 0:
+    if len(zones.zones) == 0:
         return True
     x, y, theta = a[0], a[1], a[2]
     for k in range(PIECES):
@@ -146,15 +138,15 @@ def _piece_allowed(zones: OneWays, x: float, y: float, ahead: float, side: float
     room = 0.5 * length * fabs(side)
     low_x, high_x = min(x, end_x) - room, max(x, end_x) + room
     low_y, high_y = min(y, end_y) - room, max(y, end_y) + room
-    for k in range(len(zones.headings)):
-        tolerance = zones.tolerances[k] + ANGLE
-        off = wrapped(ahead - zones.headings[k])
+    for k in range(len(zones.zones)):
+        zone = zones.zones[k]
+        tolerance = zone[7] + ANGLE
+        off = wrapped(ahead - zone[6])
         if side == 0.0 and fabs(off) <= tolerance:
             continue
-        box = zones.boxes[k]
-        if low_x >= box[2] or high_x <= box[0] or low_y >= box[3] or high_y <= box[1]:
+        if low_x >= zone[4] or high_x <= zone[2] or low_y >= zone[5] or high_y <= zone[3]:
             continue
-        edges = zones.edges[zones.first[k] : zones.first[k + 1]]
+        edges = zones.edges[int(zone[0]) : int(zone[1])]
         cuts, count = np.empty(3 * len(edges) + 12), 1
         cuts[0] = 0.0
         if side == 0.0:

@@ -6,34 +6,27 @@ beforehand.
 
 from __future__ import annotations
 
-from math import isfinite, pi
+from collections.abc import Iterator
+from math import ceil, fabs, isfinite, pi
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import kernels
-from trailmark.collision.certify import BUDGET, EXACT, motion, new_queue
+from trailmark.collision.certify import BUDGET, EXACT, curve_motion, motion, new_queue
 from trailmark.collision.checker import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
-from trailmark.curves.shortest import MAX_WORDS
-from trailmark.curves.words import PIECES
+from trailmark.curves.shortest import MAX_WORDS, all_words, as_long, shortest_of, shortest_word
+from trailmark.curves.words import PIECES, copy_word, unit_length, walk
+from trailmark.errors import ConfigurationError
 from trailmark.jit import array_callee, callee, njit
-from trailmark.motion.base import Scratch, certified
-from trailmark.motion.curve import Curve
+from trailmark.motion.base import Scratch
 
-__all__ = [
-    "Configuration",
-    "Packed",
-    "PackedChecker",
-    "PointwiseChecker",
-    "is_configuration",
-    "scratch_of",
-    "unpacked",
-]
+__all__ = ["TIE", "Configuration", "CurveMarks", "Packed", "PackedChecker", "PointwiseChecker", "unpacked"]
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
@@ -87,6 +80,7 @@ class PointwiseChecker:
 
     def __init__(self, checker: StateChecker, steering: Steering | None = None) -> None:
         self.steering = steering
+        self._curves = (0.0, False) if steering is None else (steering.radius, steering.reverse)
         # Its memory is for one call at a time, since none releases the interpreter's lock.
         self.packed = _packed(checker)
         self._warm_up()
@@ -129,21 +123,15 @@ class PointwiseChecker:
 
     def motion_valid(self, a: Configuration, b: Configuration) -> bool:
         """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
-        return self._motion_valid(self.packed, a, b)
+        return bool(_motion(*self.packed.arrays, *a, *b, *self._curves, False) == kernels.FREE)
 
     def step_valid(self, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
         """Return whether b is valid and the motion from a, known to be valid, to b is certified."""
         packed = self.packed
-        if self.steering is None:
-            answer = _step(*packed.arrays, ax, ay, at, bx, by, bt)
-            if answer != kernels.UNDECIDED:
-                return bool(answer == kernels.FREE)
-        return _state_valid(packed, bx, by, bt) and self._motion_valid(packed, (ax, ay, at), (bx, by, bt))
-
-    def _motion_valid(self, packed: PackedChecker, a: Configuration, b: Configuration) -> bool:
-        if self.steering is not None:
-            return bool(_curve(*packed.arrays, *a, *b, self.steering.radius, self.steering.reverse))
-        return bool(_straight(*packed.arrays, *a, *b) == kernels.FREE)
+        answer = _motion(*packed.arrays, ax, ay, at, bx, by, bt, *self._curves, True)
+        if answer == kernels.UNDECIDED:
+            return _state_valid(packed, bx, by, bt) and self.motion_valid((ax, ay, at), (bx, by, bt))
+        return bool(answer == kernels.FREE)
 
 
 def _state_valid(packed: PackedChecker, x: float, y: float, theta: float) -> bool:
@@ -160,7 +148,13 @@ def _packed(checker: StateChecker) -> PackedChecker:
     numbers = [grid.x0, grid.y0, grid.size, field.x0, field.y0, field.size, field.slack, robot.core_gap]
     numbers += [robot.circumradius, robot.sweep_radius, robot.dilation, robot.rim]
     of_robot = [robot.outline, robot.core, robot.cover, robot.inner]
-    memory = [kernels.workspace(robot), new_queue(), np.empty((2, 3)), np.empty((MAX_WORDS * 2, PIECES))]
+    memory = [
+        kernels.workspace(robot),
+        new_queue(),
+        np.empty((2, 3)),
+        np.empty((MAX_WORDS * 2, PIECES)),
+        np.empty((4, 3)),
+    ]
     floats = [grid.segments, grid.discs, *of_robot, *memory, np.array([numbers])]
     integers = [grid.cell_start, grid.items[None], grid.winding]
     places = [row for arrays in (floats, integers) for row in _places(arrays)]
@@ -187,10 +181,10 @@ def _table(joined: NDArray[Any], places: NDArray[np.int64], k: int) -> Any:
 def unpacked(packed: Packed) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     """Return the kernels' arguments, in the order in which :func:`_packed` joins them."""
     floats, integers, places = packed.floats, packed.integers, packed.places
-    numbers = _table(floats, places, 10)[0]
+    numbers = _table(floats, places, 11)[0]
     segments, discs = _table(floats, places, 0), _table(floats, places, 1)
-    starts, items, winding = _table(integers, places, 11), _table(integers, places, 12)[0], _table(integers, places, 13)
-    columns, rows = places[14, 1], places[14, 2]
+    starts, items, winding = _table(integers, places, 12), _table(integers, places, 13)[0], _table(integers, places, 14)
+    columns, rows = places[15, 1], places[15, 2]
     grid = ObstacleGrid(segments, discs, starts, items, winding, numbers[0], numbers[1], numbers[2], columns, rows)
     field = ClearanceField(packed.distance, numbers[3], numbers[4], numbers[5], numbers[6])
     robot = Footprint(
@@ -212,7 +206,8 @@ def scratch_of(packed: Packed) -> tuple[Scratch, FloatArray]:
     """Return memory to work in, and for a motion's ends, shape (2, 3)."""
     floats, places = packed.floats, packed.places
     words = _table(floats, places, 9).reshape(MAX_WORDS, 2, PIECES)
-    return Scratch(_table(floats, places, 6), _table(floats, places, 7), words), _table(floats, places, 8)
+    placed, queue, ends = _table(floats, places, 6), _table(floats, places, 7), _table(floats, places, 8)
+    return Scratch(placed, queue, words, _table(floats, places, 10)), ends
 
 
 @callee
@@ -258,31 +253,7 @@ def _clearance(
 
 
 @njit
-def _straight(
-    floats: FloatArray,
-    integers: Int32Array,
-    distance: Float32Array,
-    places: Int64Array,
-    ax: float,
-    ay: float,
-    at: float,
-    bx: float,
-    by: float,
-    bt: float,
-) -> int:
-    """Return FREE or BLOCKED for the straight motion from a to b."""
-    if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
-        return kernels.BLOCKED
-    packed = Packed(floats, integers, distance, places)
-    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
-    ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
-    ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    # As :func:`trailmark.motion.base.certified` does it, whose many words of arguments take a tenth of the time.
-    return int(motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], ends[1], EXACT, BUDGET))
-
-
-@njit
-def _curve(
+def _motion(
     floats: FloatArray,
     integers: Int32Array,
     distance: Float32Array,
@@ -295,19 +266,121 @@ def _curve(
     bt: float,
     radius: float,
     reverse: bool,
-) -> bool:
-    """Return whether the shortest curve from a to b is certified."""
+    with_end: bool,
+) -> int:
+    """Return FREE or BLOCKED for the motion from a to b; UNDECIDED where b is asked for too and left to FCL.
+
+    It is straight where the turning radius is 0. Written out, not by :func:`trailmark.motion.base.certified`: the many
+    words of its arguments take a tenth of the time.
+    """
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
-        return False
+        return kernels.BLOCKED
     packed = Packed(floats, integers, distance, places)
     (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
+    placed, queue = scratch.placed, scratch.queue
+    if with_end:
+        answer = int(kernels.state(grid, field, robot, placed, bx, by, bt))
+        if answer != kernels.FREE:
+            return answer
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return certified(Curve(grid, field, robot, radius, reverse, 0.0, 0.0), scratch, ends[0], ends[1], BUDGET)
+    if radius == 0.0:
+        return int(motion(grid, field, robot, placed, queue, ends[0], ends[1], EXACT, BUDGET))
+    shortest_word(ends[0], ends[1], radius, reverse, scratch.words)
+    return int(curve_motion(grid, field, robot, placed, queue, ends[0], scratch.words[0], radius, BUDGET))
+
+
+# --- Marks of curves
+
+TIE, DISTINCT = 1e-8, 1e-6
+"""Metres: a curve whose length differs by no more than TIE may be another program's; one that differs by more than
+DISTINCT is not."""
+
+MAX_MARKS, LONGEST_ARC, LAST = 32, 2.0, 1.0 - 2.0**-40
+"""Rows for a curve's marks; radians on an arc from one to the next; fraction of the last one, just before the end."""
+
+
+class CurveMarks:
+    """Certified curves between two configurations, as marks, by which another program's curves are recognised.
+
+    A program that moves along curves of its own may take another one than trailmark's of those that lead to the same
+    place, by rounding or where several are as short. A mark is a row of a fraction of the length, x, y and heading. A
+    curve of arcs and straight lines that is as long as a marked one and passes its marks is the same curve: nearly at
+    its end, and either halfway, if no other one is as long, or all along it.
+
+    Args:
+        single: certifies the curves of its steering.
+
+    Attributes:
+        single: as given.
+        steering: its steering.
+
+    Raises:
+        ConfigurationError: a checker without steering.
+    """
+
+    def __init__(self, single: PointwiseChecker) -> None:
+        if single.steering is None:
+            raise ConfigurationError("curve marks: expected a checker with steering, got one of straight motions")
+        self.single, self.steering = single, single.steering
+        rows = np.empty((MAX_MARKS + 1, 4))
+        self._rows, self._length, self._marks = rows, rows[0], rows[1:]
+        inside = (float(single.checker.world.bounds[0]), float(single.checker.world.bounds[1]), 0.0)
+        # Compiled or loaded now, before a planner's clock runs.
+        self.shortest(inside, inside)
+
+    def shortest(self, a: Configuration, b: Configuration) -> tuple[float, list[list[float]]] | None:
+        """Return length (metres) and marks of the shortest curve from a to b, both valid; None if not certified."""
+        count = self._certify(a, b, 0.0, 0)
+        return (float(self._length[0]), self._marks[:count].tolist()) if count > 0 else None
+
+    def others(self, a: Configuration, b: Configuration, length: float) -> Iterator[list[list[float]]]:
+        """Yield the marks of each other certified curve from a to b, both valid, that is ``length`` metres long."""
+        number = 1
+        while (count := self._certify(a, b, length, number)) >= 0:
+            if count > 0:
+                yield self._marks[:count].tolist()
+            number += 1
+
+    def _certify(self, a: Configuration, b: Configuration, length: float, number: int) -> int:
+        """Certify a curve and write its marks; return what :func:`_marked_curve` does."""
+        # Held meanwhile: the checker may be updated in another thread.
+        steering, packed = self.steering, self.single.packed
+        return int(_marked_curve(*packed.arrays, *a, *b, steering.radius, steering.reverse, length, number, self._rows))
+
+
+@array_callee
+def _mark(a: FloatArray, word: FloatArray, radius: float, alone: bool, marks: FloatArray) -> int:
+    """Write the marks of a word from a into ``marks``, shape (MAX_MARKS, 4); return how many there are.
+
+    The last one is nearly at the end, which curves that lead elsewhere do not pass. If another word is as long, each
+    piece has a mark at its end too, a straight line one in its middle, and a long arc several: from one mark to the
+    next, an arc shorter than half a turn to one side, or a straight line, is the only curve with the same turn and
+    distance.
+    """
+    total, q = unit_length(word), np.empty(3)
+    marks[0, 0], n = 0.5, 1
+    if not alone:
+        n, before = 0, 0.0
+        for k in range(PIECES):
+            length = fabs(word[0, k])
+            # A piece shorter than rounding may end where the next one does.
+            if length * radius > kernels.ROUNDING:
+                parts = 2 if word[1, k] == 0.0 else max(1, ceil(length / LONGEST_ARC))
+                for i in range(1, parts + 1):
+                    marks[n, 0] = (before + length * i / parts) / total
+                    n += marks[n, 0] < LAST
+            before += length
+    marks[n, 0] = LAST
+    n += 1
+    for i in range(n):
+        walk(a, word, radius, marks[i, 0] * total * radius, q)
+        marks[i, 1:] = q
+    return n
 
 
 @njit
-def _step(
+def _marked_curve(
     floats: FloatArray,
     integers: Int32Array,
     distance: Float32Array,
@@ -318,15 +391,35 @@ def _step(
     bx: float,
     by: float,
     bt: float,
+    radius: float,
+    reverse: bool,
+    length: float,
+    number: int,
+    rows: FloatArray,
 ) -> int:
-    """Return FREE or BLOCKED for the end b and the straight motion to it; UNDECIDED where b is left to FCL."""
+    """Certify one of the curves from a to b: number 0 is the shortest, the others are ``length`` metres long.
+
+    The length of the shortest one is written to the first of the ``rows``, the curve's marks to the next ones.
+
+    Returns:
+        How many marks were written, 0 if the curve is not certified, -1 if there is no curve of that number.
+    """
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
-        return kernels.BLOCKED
+        return -1
     packed = Packed(floats, integers, distance, places)
     (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
-    answer = int(kernels.state(grid, field, robot, scratch.placed, bx, by, bt))
-    if answer != kernels.FREE:
-        return answer
+    words = scratch.words
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return int(motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], ends[1], EXACT, BUDGET))
+    n, swapped = all_words(ends[0], ends[1], radius, reverse, words)
+    best, shortest = shortest_of(words, n)
+    chosen = best if number == 0 else as_long(words, n, best, length / radius, TIE / radius, number)
+    if chosen < 0:
+        return -1
+    alone = number == 0 and as_long(words, n, best, shortest, DISTINCT / radius, 1) < 0
+    copy_word(words[chosen], swapped, words[0])
+    word = words[0]
+    if curve_motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], word, radius, BUDGET) != kernels.FREE:
+        return 0
+    rows[0, 0] = radius * shortest
+    return _mark(ends[0], word, radius, alone, rows[1:])

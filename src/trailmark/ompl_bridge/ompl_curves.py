@@ -10,8 +10,7 @@ import numpy as np
 
 from trailmark import se2
 from trailmark.curves import CurvePath, Steering
-from trailmark.motion.curve_marks import TIE, CurveMarks
-from trailmark.motion.pointwise import PointwiseChecker
+from trailmark.motion.pointwise import TIE, CurveMarks, PointwiseChecker
 from trailmark.ompl_bridge.states import configuration, state, states_of
 from trailmark.se2 import FloatArray
 from trailmark.touching import TOUCHING_TOLERANCE

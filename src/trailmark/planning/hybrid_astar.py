@@ -21,15 +21,14 @@ from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET, curve_motion
 from trailmark.collision.kernels import FREE, state
 from trailmark.curves.shortest import all_words, curve_states
-from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
+from trailmark.curves.words import PIECES, copy_word, unit_length, walk
 from trailmark.heap import COUNT, WAITING, add_label, entry_of, new_labels, next_label, with_room
 from trailmark.jit import array_callee, callee, njit
 from trailmark.landmarks.relaxation import CostMap, Relaxation
 from trailmark.landmarks.sampling import lloyd
-from trailmark.motion import Motion, WeightedMotion
-from trailmark.motion.base import Scratch, new_scratch
-from trailmark.motion.curve import Curve, word_extra
-from trailmark.motion.one_way import OneWays, curve_allowed, one_ways
+from trailmark.motion import Motion
+from trailmark.motion.base import MotionModel, Scratch, charged, new_scratch, word_extra
+from trailmark.motion.one_way import curve_allowed
 from trailmark.se2 import FloatArray
 
 __all__ = ["Reached", "Targets", "drive_to", "hybrid_astar"]
@@ -194,14 +193,6 @@ class _Tree(NamedTuple):
     word: FloatArray
 
 
-class _Car(NamedTuple):
-    """How a car moves whatever its metres are charged, the one-way zones that it minds, -1 if it drives to sources."""
-
-    kind: Curve
-    zones: OneWays
-    sign: float
-
-
 class _Guide(NamedTuple):
     """The relaxed problem's costs to go with their grid, metres, and the disc's centre in the robot's frame."""
 
@@ -216,12 +207,9 @@ def _grown(
     motions: Motion, relaxation: Relaxation, costs: CostMap, sources: FloatArray, reverse: bool, *options: Any
 ) -> _Tree:
     """Return a tree of drives; the options are those of :func:`_grow`."""
-    kind, zones = motions.kind, one_ways(())
-    if isinstance(motions, WeightedMotion):
-        kind, zones = motions.motion.kind, motions.kind.one_way
+    kind = motions.kind
     guide = _Guide(costs.cost, float(relaxation.x0), float(relaxation.y0), float(relaxation.size), relaxation.center)
-    car = _Car(kind, zones, -1.0 if reverse else 1.0)
-    return _Tree(kind.radius, *_grow(car, guide, np.array(sources, order="C"), *options))
+    return _Tree(kind.radius, *_grow(kind, -1.0 if reverse else 1.0, guide, np.array(sources, order="C"), *options))
 
 
 def _joined(tree: _Tree, chosen: NDArray[np.int64], m: int) -> Reached:
@@ -270,43 +258,40 @@ def _cell_of(q: FloatArray, guide: _Guide, cell: float, columns: int, headings: 
 
 
 @array_callee
-def _free(car: _Car, scratch: Scratch, q: FloatArray, word: FloatArray, end: FloatArray) -> bool:
+def _free(kind: MotionModel, sign: float, scratch: Scratch, q: FloatArray, word: FloatArray, end: FloatArray) -> bool:
     """Return whether a word from q to ``end`` is certified, in the direction in which it is driven."""
-    kind = car.kind
-    if car.sign > 0.0:
-        allowed = curve_allowed(car.zones, q, word, kind.radius)
-    else:
-        allowed = curve_allowed(car.zones, end, reversed_word(word), kind.radius)
-    placed, queue = scratch.placed, scratch.queue
-    if not allowed:
+    begin, driven, placed, queue = q, word, scratch.placed, scratch.queue
+    if sign < 0.0:
+        begin, driven = end, np.empty_like(word)
+        copy_word(word, True, driven)
+    if not curve_allowed(kind.one_way, begin, driven, kind.radius):
         return False
     return bool(curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius, BUDGET) == FREE)
 
 
 @array_callee
 def _word_to(
-    car: _Car, scratch: Scratch, q: FloatArray, gear: float, targets: Targets, t: int, limit: float
+    kind: MotionModel, sign: float, scratch: Scratch, q: FloatArray, gear: float, targets: Targets, t: int, limit: float
 ) -> tuple[float, int]:
     """Return the cost of the cheapest certified word from q to a target, and its number; infinite if none is found.
 
     The words of the scratch memory are then those that lead from q.
     """
-    kind, words = car.kind, scratch.words
+    words = scratch.words
     n, swapped = all_words(q, targets.configurations[t], kind.radius, kind.reverse, words)
     prices = np.empty(n)
     for k in range(n):
-        if swapped:
-            words[k] = reversed_word(words[k])
-        words[k, 0] *= car.sign
+        copy_word(words[k], swapped, words[k])
+        words[k, 0] *= sign
         more, last = word_extra(words[k], kind.radius, kind.direction_change, kind.reverse_metre, gear)
-        words[k, 0] *= car.sign
+        words[k, 0] *= sign
         change = kind.direction_change if last * targets.gears[t] < 0 else 0.0
         prices[k] = kind.radius * unit_length(words[k]) + more + change
     for _ in range(MAX_TRIED):
         k = int(np.argmin(prices))
         if prices[k] >= limit:
             break
-        if _free(car, scratch, q, words[k], targets.configurations[t]):
+        if _free(kind, sign, scratch, q, words[k], targets.configurations[t]):
             return prices[k], k
         prices[k] = np.inf
     return np.inf, -1
@@ -314,7 +299,8 @@ def _word_to(
 
 @njit(nogil=True)
 def _grow(
-    car: _Car,
+    kind: MotionModel,
+    sign: float,
     guide: _Guide,
     sources: FloatArray,
     step: float,
@@ -325,9 +311,9 @@ def _grow(
     deadline: Deadline,
 ) -> tuple[FloatArray, NDArray[np.int32], FloatArray, int, int, FloatArray]:
     """Return what :class:`_Tree` holds beside the radius; the arguments are those of :func:`drive_to`."""
-    m, kind, sign, scratch = len(sources), car.kind, car.sign, new_scratch(car.kind)
+    m, scratch = len(sources), new_scratch(kind)
     radius, word, end = kind.radius, np.zeros((2, PIECES)), np.empty(3)
-    charged = kind.direction_change > 0.0 or kind.reverse_metre > 0.0
+    charging = charged(kind)
     headings = max(8, min(1440, ceil(2.0 * pi * radius / cell)))
     columns = ceil(guide.cost.shape[1] * guide.size / cell) + 2
     labels = with_room(new_labels(1024, 3), m)
@@ -350,7 +336,7 @@ def _grow(
             for t in range(len(targets.costs)):
                 target, beyond = targets.configurations[t], driven + targets.costs[t]
                 if beyond + hypot(target[0] - here[0], target[1] - here[1]) < best:
-                    price, k = _word_to(car, scratch, here, gear, targets, t, best - beyond)
+                    price, k = _word_to(kind, sign, scratch, here, gear, targets, t, best - beyond)
                     if k >= 0:
                         best, best_label, best_target = beyond + price, at, t
                         best_word[:] = scratch.words[k]
@@ -367,7 +353,7 @@ def _grow(
                     word[0, 0], word[1, 0] = direction * way / radius, side
                     walk(here, word, radius, way, end)
                     ahead, cost = _cost_at(guide, end), driven + change + way * metre
-                    node = _cell_of(end, guide, cell, columns, headings, int(charged and direction > 0.0))
+                    node = _cell_of(end, guide, cell, columns, headings, int(charging and direction > 0.0))
                     entry = entry_of(labels, node)
                     known = labels.table[entry]
                     if known >= 0 and labels.cost[known] <= cost:
@@ -375,7 +361,7 @@ def _grow(
                     if (
                         cost + ahead < best
                         and state(kind.grid, kind.field, kind.robot, scratch.placed, end[0], end[1], end[2]) == FREE
-                        and _free(car, scratch, here, word, end)
+                        and _free(kind, sign, scratch, here, word, end)
                     ):
                         if known >= 0:
                             labels.closed[known] = 1

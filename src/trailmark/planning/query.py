@@ -16,7 +16,7 @@ import numpy as np
 from trailmark.curves import CurvePath
 from trailmark.errors import InternalErrorWarning
 from trailmark.formats.world_yaml import world_text
-from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion import Motion
 from trailmark.path import Path
 from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.result import PlanProgress
@@ -212,7 +212,7 @@ class Query:
                 return self.incumbent.cost
         states = self.shortened(states, self.settings.first_sweeps)
         # On weighted ground all sweeps take longer than to look for other ways around.
-        if isinstance(self.motion, WeightedMotion):
+        if self.motion.weighted:
             self.offer(states)
         elif self.motion.cost_of(states) < PROMISING * self.incumbent.cost:
             states = self.shortened(states)

@@ -15,27 +15,27 @@ from numpy.typing import NDArray
 
 from trailmark.clock import Deadline, over
 from trailmark.collision.kernels import FREE, state
+from trailmark.curves.shortest import shortest_word
+from trailmark.curves.words import walk
 from trailmark.heading import turn, wrapped
 from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import Motion
 from trailmark.motion.base import (
+    DIFFERENTIAL,
+    STRAIGHT,
+    MotionModel,
     Scratch,
     certified,
     charged,
     cost,
     extra_along,
+    facing,
     interpolate,
     least_cost,
     new_scratch,
     obeys_triangle,
 )
-from trailmark.motion.curve import Curve
-from trailmark.motion.differential import Differential, facing
-from trailmark.motion.straight import Straight
-from trailmark.motion.translation import Translation
-from trailmark.motion.weighted import Weighted
 from trailmark.se2 import FloatArray
-from trailmark.variants import by_type, variant_of
 
 __all__ = ["EFFORT", "GAIN", "shorten", "without_needless"]
 
@@ -95,7 +95,7 @@ def shorten(
 
 @njit(nogil=True)
 def _sweep(
-    kind: Any, path: FloatArray, seed: Seed, scale: float, splitting: bool, deadline: Deadline
+    kind: MotionModel, path: FloatArray, seed: Seed, scale: float, splitting: bool, deadline: Deadline
 ) -> tuple[FloatArray, float, float]:
     """Return the path after one round of every kind of change, the step for the next one's moves, and its cost.
 
@@ -126,7 +126,7 @@ def _sweep(
 
 
 @array_callee
-def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
+def _costs(kind: MotionModel, scratch: Scratch, path: FloatArray) -> FloatArray:
     """Return the costs of a path's motions, shape (n - 1,), metres."""
     result = np.empty(len(path) - 1)
     for i in range(len(result)):
@@ -147,7 +147,7 @@ def uniform(seed: Seed) -> float:
 
 @array_callee
 def _locate(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
+    kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
 ) -> tuple[int, float]:
     """Write the configuration at cost ``place`` along the path into q; return its motion and what lies before on it.
 
@@ -169,7 +169,7 @@ def _locate(
 
 @array_callee
 def _shortcut(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: Seed
+    kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: Seed
 ) -> tuple[FloatArray, FloatArray]:
     """Join two random places of the path by a motion, if that saves cost and is certified.
 
@@ -216,31 +216,14 @@ def _shortcut(
     return fresh, after
 
 
-@by_type
-def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
-    """Turn evenly between random vertices, in place, positions left alone, where that turns less and is certified."""
-    raise NotImplementedError
-
-
-@variant_of(turn_evenly, Translation)
-@variant_of(turn_evenly, Curve)
-@variant_of(turn_evenly, Differential)
-@callee
-def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
-    """Leave the headings: a disc has none, a car's follow from its curves, and others from where they drive."""
-
-
-@variant_of(turn_evenly, Weighted)
 @array_callee
-def _turn_weighted(kind: Weighted, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
-    turn_evenly(kind.motion, scratch, path, seed)
+def turn_evenly(kind: MotionModel, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
+    """Turn evenly between random vertices, in place, positions left alone, where that turns less and is certified.
 
-
-@variant_of(turn_evenly, Straight)
-@array_callee
-def _turn_straight(kind: Straight, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
+    A disc has no heading, a car's follow from its curves, and those of a differential drive from where it drives.
+    """
     n = len(path)
-    for _ in range(5 + n if n > 2 else 0):
+    for _ in range(5 + n if n > 2 and kind.drive == STRAIGHT else 0):
         i = int(uniform(seed) * (n - 2))
         j = i + 2 + int(uniform(seed) * (n - i - 2))
         turned, length = 0.0, 0.0
@@ -261,7 +244,7 @@ def _turn_straight(kind: Straight, scratch: Scratch, path: FloatArray, seed: See
 
 @array_callee
 def _move(
-    kind: Any,
+    kind: MotionModel,
     scratch: Scratch,
     path: FloatArray,
     costs: FloatArray,
@@ -304,7 +287,9 @@ def _move(
 
 
 @array_callee
-def _split(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: Seed, scale: float) -> FloatArray:
+def _split(
+    kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: Seed, scale: float
+) -> FloatArray:
     """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
     n = len(path)
     i = 1 + int(uniform(seed) * (n - 2))
@@ -319,7 +304,7 @@ def _split(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, see
 
 
 @array_callee
-def _halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
+def _halved(kind: MotionModel, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
     """Return the path with a vertex in the middle of every longer motion: what is cheapest need not be straight."""
     longer = costs > SHORT * costs.sum()
     result, k = np.empty((len(path) + longer.sum(), 3)), 0
@@ -334,7 +319,7 @@ def _halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) ->
 
 
 @njit(nogil=True)
-def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
+def without_needless(kind: MotionModel, path: FloatArray, effort: int) -> FloatArray:
     """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
 
     None of what is left is needless: what lies beside a vertex left out is looked at again. The cost rises by no more
@@ -373,7 +358,7 @@ def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
 
 
 @array_callee
-def _rise(kind: Any, scratch: Scratch, path: FloatArray, rows: tuple[int, int, int, int, int]) -> float:
+def _rise(kind: MotionModel, scratch: Scratch, path: FloatArray, rows: tuple[int, int, int, int, int]) -> float:
     """Return what a path costs more, in metres, without the third of five vertices that follow one another."""
     window = np.empty((5, 3))
     for k in range(5):
@@ -384,14 +369,17 @@ def _rise(kind: Any, scratch: Scratch, path: FloatArray, rows: tuple[int, int, i
     return rise + cost(kind, scratch, window[1], window[2]) + extra_along(kind, scratch, window, 0, 3)
 
 
-# --- Proposals: where a vertex of a path might better be, for each kind of motion.
+# --- Proposals: where a vertex of a path might better be.
 
 
-@by_type
+@array_callee
 def propose(
-    kind: Any, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
+    kind: MotionModel, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
     """Return where the second of three vertices, shape (3, 3), might better be, shape (3,); where it is for no other.
+
+    These are half, and a tenth, of the way to the straight motion between its neighbours, its heading alone, and a
+    random place. A differential drive is to get there without a turn at the end.
 
     Args:
         kind: of motion.
@@ -402,28 +390,29 @@ def propose(
         scale: metres that random proposals lie away at most.
         seed: of random numbers.
     """
-    raise NotImplementedError
-
-
-@variant_of(propose, Straight)
-@variant_of(propose, Translation)
-@array_callee
-def _propose_straight(
-    kind: Any, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
-) -> FloatArray:
-    """Propose half, and a tenth, of the way to the straight motion, its heading alone, and a random place."""
     q: FloatArray = near[1].copy()
-    straight, turns = np.empty(3), kind.robot.sweep_radius > 0.0
-    if attempt < 3:
-        interpolate(kind, scratch, near[0], near[2], share * cost(kind, scratch, near[0], near[2]), straight)
-        t = (0.5, 0.1, 0.0)[attempt]
-        q[:2] += t * (straight[:2] - q[:2])
-        if turns:
-            q[2] = straight[2] if attempt == 2 else wrapped(q[2] + t * turn(q[2], straight[2]))
-    elif attempt == 3:
+    if len(kind.weighted):
+        # At all scales: the cheapest path is curved, here more, there less.
+        before, after = near[0] - near[1], near[2] - near[1]
+        close = min(hypot(before[0], before[1]), hypot(after[0], after[1]))
+        scale, attempt = max(0.5 * close * 2.0 ** (-6.0 * uniform(seed)), 1e-6), (0, 2, 3, 3, 3)[attempt]
+    if len(kind.car):
+        _propose_for_car(kind, scratch, near, share, attempt, scale, seed, q)
+        return q
+    heading = wrapped(near[0, 2] + share * turn(near[0, 2], near[2, 2]))
+    if attempt < 2:
+        t = (0.5, 0.1)[attempt]
+        q[:2] += t * (near[0, :2] + share * (near[2, :2] - near[0, :2]) - q[:2])
+        if kind.drive == STRAIGHT:
+            q[2] = wrapped(q[2] + t * turn(q[2], heading))
+    elif attempt == 2 and kind.drive == STRAIGHT:
+        q[2] = heading
+    elif attempt == (2 if kind.drive == DIFFERENTIAL else 3):
         _shift(q, 2.0 * pi * uniform(seed), scale, seed)
-        if turns:
+        if kind.drive == STRAIGHT:
             q[2] = wrapped(q[2] + (uniform(seed) - 0.5) * min(2.0, 2.0 * scale))
+    if kind.drive == DIFFERENTIAL:
+        q[2] = facing(kind, near[0], q)
     return q
 
 
@@ -435,46 +424,24 @@ def _shift(q: FloatArray, angle: float, scale: float, seed: Seed) -> None:
     q[1] += step * sin(angle)
 
 
-@variant_of(propose, Differential)
-@array_callee
-def _propose_differential(
-    kind: Differential, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
-) -> FloatArray:
-    """Propose the same, reached without a turn at its end."""
-    q: FloatArray = near[1].copy()
-    if attempt < 2:
-        q[:2] += (0.5, 0.1)[attempt] * (near[0, :2] + share * (near[2, :2] - near[0, :2]) - q[:2])
-    elif attempt == 2:
-        _shift(q, 2.0 * pi * uniform(seed), scale, seed)
-    q[2] = facing(kind, near[0], q)
-    return q
-
-
-@variant_of(propose, Curve)
-@array_callee
-def _propose_curve(
-    kind: Curve, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
-) -> FloatArray:
-    """Propose a place on the curve between the neighbours, one along the heading, another heading, and random ones."""
-    q: FloatArray = near[1].copy()
+@callee
+def _propose_for_car(
+    kind: MotionModel,
+    scratch: Scratch,
+    near: FloatArray,
+    share: float,
+    attempt: int,
+    scale: float,
+    seed: Seed,
+    q: FloatArray,
+) -> None:
+    """Write a place on the curve between the neighbours, one along the heading, another heading, or a random one."""
     if attempt == 0:
-        interpolate(kind, scratch, near[0], near[2], share * cost(kind, scratch, near[0], near[2]), q)
+        length = shortest_word(near[0], near[2], kind.radius, kind.reverse, scratch.words)
+        walk(near[0], scratch.words[0], kind.radius, share * length, q)
     elif attempt == 1:
         _shift(q, q[2] if uniform(seed) < 0.5 else q[2] + pi, scale, seed)
     else:
         if attempt > 2:
             _shift(q, 2.0 * pi * uniform(seed), scale, seed)
         q[2] = wrapped(q[2] + (2.0 * uniform(seed) - 1.0) * min(1.0, scale / kind.radius))
-    return q
-
-
-@variant_of(propose, Weighted)
-@array_callee
-def _propose_weighted(
-    kind: Weighted, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
-) -> FloatArray:
-    """Propose what the motion that is weighted does, at all scales: the cheapest is curved, here more, there less."""
-    before, after = near[0] - near[1], near[2] - near[1]
-    close = min(hypot(before[0], before[1]), hypot(after[0], after[1]))
-    step = max(0.5 * close * 2.0 ** (-6.0 * uniform(seed)), 1e-6)
-    return propose(kind.motion, scratch, near, share, (0, 2, 3, 3, 3)[attempt], step, seed)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Literal
@@ -10,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from trailmark.formats.grid import cells_of
-from trailmark.jit import compiling_for, side_by_side
+from trailmark.jit import compiling, compiling_for
 from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
@@ -22,7 +27,7 @@ from trailmark.zones import KeepOutZone, OneWayZone
 if TYPE_CHECKING:
     from trailmark.planning.planner import LandmarkPlanner
 
-__all__ = ["SMALL", "Use", "warm_up", "warm_up_for"]
+__all__ = ["SMALL", "Use", "side_by_side", "warm_up", "warm_up_for"]
 
 SMALL = World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),)), np.array([[1.0, 1, 0], [5, 1, 1]])
 """A small world, and a start and a goal that no single motion joins."""
@@ -50,6 +55,46 @@ NAMES: dict[Use, str] = {
     "reachability": "exploration",
 }
 """What the uses are called."""
+
+
+HELPER = """
+import pickle, sys
+sys.path[:] = pickle.load(sys.stdin.buffer)
+from trailmark import jit
+jit.compiling.alone = False
+for job in pickle.load(sys.stdin.buffer):
+    job()
+"""
+"""What a second process runs; it finds modules where this one does, whatever lies in the working directory."""
+
+
+@contextmanager
+def side_by_side(jobs: Sequence[Callable[[], object]]) -> Iterator[None]:
+    """Let a second process do jobs, which are pickled, in the reverse order while the block compiles.
+
+    The block does the same jobs in their order: what one process compiles the other finds in the cache. Where there is
+    one processor only, or no second process can be started, the block does everything.
+    """
+    if not compiling.alone or (os.cpu_count() or 1) < 2:
+        yield
+        return
+    helpers: list[subprocess.Popen[bytes]] = []
+    command, null = [sys.executable, "-c", HELPER], subprocess.DEVNULL
+
+    def begin() -> None:
+        with suppress(OSError):
+            helpers.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=null, stderr=null))  # noqa: S603  # our own
+            with helpers[0].stdin as pipe:  # type: ignore[union-attr]  # it is a pipe
+                pipe.write(pickle.dumps(sys.path) + pickle.dumps(list(reversed(jobs))))
+
+    compiling.alone, compiling.begin = False, begin
+    try:
+        yield
+    finally:
+        compiling.alone, compiling.begin = True, None
+        for helper in helpers:
+            helper.terminate()
+            helper.wait()
 
 
 @cache

@@ -150,7 +150,7 @@ def fingerprint(checker: StateChecker) -> str:
     if robot.turning_radius is not None:
         parts.append([robot.turning_radius, robot.reverse])
     directions = one_ways(world.zones)
-    parts += directions if len(directions.headings) else ()
+    parts += directions if len(directions.zones) else ()
     return _digest(f"trailmark roadmap {VERSION}", *((part, "<f8") for part in parts))
 
 

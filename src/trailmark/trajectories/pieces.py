@@ -264,7 +264,7 @@ def one_way_respected(checker: StateChecker, pieces: Pieces, finer: int = FINER)
     """
     zones, n = one_ways(checker.world.zones), len(pieces.length)
     respected = np.ones(n, np.bool_)
-    if len(zones.headings) == 0 or n == 0:
+    if len(zones.zones) == 0 or n == 0:
         return respected
     count = row_counts(pieces, checker.footprint.sweep_radius)
     count = np.where(count > 1, finer * count, 1)
@@ -273,10 +273,11 @@ def one_way_respected(checker: StateChecker, pieces: Pieces, finer: int = FINER)
     a, b = pieces.states(piece, s), pieces.states(piece, end)
     along = [np.arctan2(v[:, 1], v[:, 0]) for v in (pieces.derivatives(piece, at)[0] for at in (s, end))]
     spread = np.abs(se2.wrap(along[1] - along[0]))
-    for i in np.flatnonzero(_near(zones.boxes, a, b)):
+    for i in np.flatnonzero(_near(zones.zones[:, 2:6], a, b)):
         if respected[piece[i]]:
-            narrower = zones._replace(tolerances=zones.tolerances - spread[i])
-            respected[piece[i]] = straight_allowed(narrower, a[i], b[i])
+            narrower = zones.zones.copy()
+            narrower[:, 7] -= spread[i]
+            respected[piece[i]] = straight_allowed(zones._replace(zones=narrower), a[i], b[i])
     return respected
 
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
-from trailmark.motion.differential import ALIGNED
+from trailmark.motion.base import ALIGNED
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
 from trailmark.trajectories.pieces import (

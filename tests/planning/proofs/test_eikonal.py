@@ -10,14 +10,14 @@ from tests.helpers.density_oracle import sampled_cost
 from tests.support.trials import few
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
-from trailmark.motion import WeightedMotion, motion_of
+from trailmark.motion import Motion, motion_of
 from trailmark.planning.proofs.eikonal import Eikonal
 from trailmark.robot import Robot
 
 
-def weighted(world: World, objective: Objective | None = None, robot: Robot | None = None) -> WeightedMotion:
+def weighted(world: World, objective: Objective | None = None, robot: Robot | None = None) -> Motion:
     motion = motion_of(StateChecker(world, robot or Robot.disc(0.2)), objective=objective)
-    assert isinstance(motion, WeightedMotion)
+    assert motion.weighted
     return motion
 
 

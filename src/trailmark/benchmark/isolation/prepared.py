@@ -10,8 +10,7 @@ from trailmark.benchmark.problems import read_problem
 from trailmark.benchmark.referee import Referee
 from trailmark.collision import StateChecker
 from trailmark.motion import kind_of
-from trailmark.motion.curve_marks import CurveMarks
-from trailmark.motion.pointwise import PointwiseChecker
+from trailmark.motion.pointwise import CurveMarks, PointwiseChecker
 from trailmark.planning.warmup import warm_up
 
 __all__ = ["CountingChecker", "Prepared"]

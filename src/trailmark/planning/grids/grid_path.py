@@ -33,7 +33,8 @@ CHECKING = 4e-6
 
 def shortest_grid_path(query: Query, tangents: GridTangents | None) -> bool:
     """Offer the shortest path of a disc in a grid map and claim its bound; return False if no path was found."""
-    if tangents is None or not isinstance(query.motion, TranslationMotion) or not query.settings.uses("disc-path"):
+    plain = isinstance(query.motion, TranslationMotion) and not query.motion.weighted
+    if tangents is None or not plain or not query.settings.uses("disc-path"):
         return False
     query.report("looking along tangents")
     incumbent, (start, goal) = query.incumbent, query.ends[:, :2]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion import Motion
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
 from trailmark.planning.shortening import EFFORT, without_needless
@@ -207,7 +207,7 @@ class LatticeSchedule:
             return CostToGo.straight()
         key = (cells, forward, tightness)
         if key not in self.guides:
-            density = self.motion.density if isinstance(self.motion, WeightedMotion) else None
+            density = self.motion.density if self.motion.weighted else None
             self.guides[key] = CostToGo.of(
                 self.checker, self.ends[int(forward)], min(cells, self.cells), tightness, self.window, density
             )

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import floor, hypot, pi, sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,9 @@ from trailmark.heap import WAITING, Labels, add_label, entry_of, label_of, new_l
 from trailmark.jit import array_callee, callee, njit
 from trailmark.landmarks.grid_search import STEP_X, STEP_Y
 from trailmark.landmarks.retraction import retract
-from trailmark.motion import DifferentialMotion, Motion, WeightedMotion
-from trailmark.motion.base import Scratch, certified, new_scratch
+from trailmark.motion import DifferentialMotion, Motion, StraightMotion
+from trailmark.motion.base import MotionModel, Scratch, certified, new_scratch
 from trailmark.motion.base import cost as cost_between
-from trailmark.motion.straight import Straight
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray, wrap
 
@@ -110,20 +109,15 @@ class Lattice:
             seconds: that the search may take.
         """
         deadline = Deadline.after(seconds)
-        weighted = self.motion if isinstance(self.motion, WeightedMotion) else None
-        plain = self.motion if weighted is None else weighted.motion
-        # Whether headings make a difference is known to the nodes: one kind less to compile.
-        kind: Any = Straight(self.checker.grid, self.checker.field, self.checker.footprint)
-        anchor, rotation = start, ROTATION_WEIGHT
-        if isinstance(plain, DifferentialMotion):
+        motion, anchor = self.motion or StraightMotion(self.checker), start
+        if isinstance(motion, DifferentialMotion):
             # Its steps lead along its headings, which are those of the grid: it begins with a turn.
-            kind, anchor = plain.kind, plain.turned(start, self.headings)
-        if weighted is not None:
-            kind, rotation = weighted.kind._replace(motion=kind), weighted.density.rotation
+            anchor = motion.turned(start, self.headings)
+        rotation = motion.density.rotation if motion.weighted else ROTATION_WEIGHT
         guide = _Guide(to_go, *self.checker.disc_center(goal), float(weight), float(limit), rotation)
         nodes, origin = _nodes_around(self.checker, anchor, self.size, self.headings)
         found, expanded = _search(
-            kind,
+            motion.kind,
             nodes,
             origin,
             guide,
@@ -254,7 +248,7 @@ def _best_span(nodes: _Nodes, node: int, direction: int, spans: int, guide: _Gui
 
 @njit(nogil=True)
 def _search(
-    kind: Any,
+    kind: MotionModel,
     nodes: _Nodes,
     origin: int,
     guide: _Guide,
@@ -325,7 +319,7 @@ def _search(
 
 
 @callee
-def _place(kind: Any, scratch: Scratch, nodes: _Nodes, node: int, retracts: bool, q: FloatArray) -> bool:
+def _place(kind: MotionModel, scratch: Scratch, nodes: _Nodes, node: int, retracts: bool, q: FloatArray) -> bool:
     """Write a node's configuration into q, pushed off the obstacles if need be; return whether it is valid."""
     x, y = _position(nodes, node)
     theta, dx, dy = nodes.turned[node >> 2 * BITS]
@@ -350,7 +344,7 @@ def _near_goal(nodes: _Nodes, node: int, guide: _Guide, q: FloatArray, goal: Flo
 
 @callee
 def _find_other_parent(
-    kind: Any, scratch: Scratch, nodes: _Nodes, labels: Labels, label: int, spans: int, guide: _Guide
+    kind: MotionModel, scratch: Scratch, nodes: _Nodes, labels: Labels, label: int, spans: int, guide: _Guide
 ) -> None:
     """Join a node, whose motion failed, to another expanded one, or to none."""
     node, failed, cheapest = labels.node[label], labels.parent[label], np.inf

@@ -31,7 +31,7 @@ from trailmark import se2
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
 from trailmark.goals import Goal
-from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion import Motion
 from trailmark.planning.grids.grid_tangents import GridTangents
 from trailmark.planning.proofs.claims import Separation
 from trailmark.planning.proofs.eikonal import Eikonal
@@ -87,7 +87,7 @@ class LowerBound:
         grid: ObstacleGrid | None = None,
         *,
         large: int = LARGE,
-        motion: WeightedMotion | None = None,
+        motion: Motion | None = None,
     ) -> None:
         self.world, self.robot, self.large, self._grid = world, robot, large, grid
         disc, self._origin = robot.inscribed_disc, local_origin(world)
@@ -247,5 +247,4 @@ class LowerBound:
 def lower_bound_of(motion: Motion) -> LowerBound:
     """Return what proves lower bounds on the cost of paths of a robot's motions."""
     checker = motion.checker
-    weighted = motion if isinstance(motion, WeightedMotion) else None
-    return LowerBound(checker.world, checker.robot, checker.grid, motion=weighted)
+    return LowerBound(checker.world, checker.robot, checker.grid, motion=motion if motion.weighted else None)

@@ -26,7 +26,7 @@ from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.heading import turn
 from trailmark.jit import array_callee, callee, njit
-from trailmark.motion import WeightedMotion
+from trailmark.motion import Motion
 from trailmark.motion.density import FAR, Density
 from trailmark.planning.fast_marching import march, on_diagonal
 from trailmark.se2 import FloatArray
@@ -47,7 +47,7 @@ class Eikonal:
         motion: weighted.
     """
 
-    def __init__(self, motion: WeightedMotion) -> None:
+    def __init__(self, motion: Motion) -> None:
         self.motion = motion
         disc = motion.checker.robot.inscribed_disc
         # The reference point lies so much nearer to obstacles than the disc's centre, at most.
