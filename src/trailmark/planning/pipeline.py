@@ -262,7 +262,7 @@ class Stages:
         """Offer the shortest path of a disc; return False if there is no time for it, or none is found."""
         query, proofs = self.query, self.proofs
         wanted = query.settings.uses("disc-path") and not query.close_enough and proofs.bound is not None
-        if not (isinstance(query.motion, TranslationMotion) and wanted):
+        if not (wanted and isinstance(query.motion, TranslationMotion)) or query.motion.weighted:
             return False
         query.report("cutting free space into triangles")
         radius, (start, goal) = query.checker.robot.inscribed_disc.radius, query.ends[:, :2]
