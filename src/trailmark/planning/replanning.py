@@ -49,9 +49,9 @@ SWEEPS, SHORTENING = 40, 0.001
 SLIGHTLY = 1.01
 """Times as much a path may cost by being led around what came before paths that lead elsewhere are looked at."""
 
-FAR_ABOVE, LOOK_SECONDS = 1.2, 0.1
+FAR_ABOVE, LOOK_SECONDS = 1.2, 0.25
 """Times the length that no path falls below, from which on a car's query is planned anew after obstacles went, and the
-seconds that this may take."""
+seconds that this may take at most: it ends once the path is proven to cost no more than so many times the optimum."""
 
 MIN_SECONDS = 1e-3
 """That planning anew has at least."""
@@ -249,7 +249,8 @@ class Replanner:
         before = np.inf if rest.before is None else self._shortest_way(rest.before)
         if (1.0 + self.min_gain) * shortest >= before:
             return None
-        budget, passed = Budget(max(min(LOOK_SECONDS, self.seconds_left()), MIN_SECONDS)), self.model.passed
+        seconds, passed = max(min(LOOK_SECONDS, self.seconds_left()), MIN_SECONDS), self.model.passed
+        budget = Budget(seconds, gap=FAR_ABOVE - 1.0)
         path = plan_single(self.model, self.start, self.goal, budget).path
         self.model.passed = passed
         if path is None or motion.cost_of(states := vertices_of(motion, path)) >= limit:
