@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,8 +11,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from trailmark import se2
-from trailmark.arguments import brief, number, one_of, truth
-from trailmark.errors import ShapeError, expected_name
+from trailmark.arguments import number, one_of, truth
+from trailmark.errors import FormatError, ShapeError, expected_name
+from trailmark.formats.robot_yaml import parse_footprint, read_robot
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape, shape_of
 from trailmark.shown import Shown
 
@@ -95,22 +95,7 @@ class Robot(Shown):
         Raises:
             ShapeError: anything else.
         """
-        kind, _, rest = one_of(text, str, "robot:", error=ShapeError).strip().partition(":")
-        try:
-            if kind in ("disc", "robot_radius"):
-                return cls.disc(float(rest))
-            if kind == "rectangle":
-                length, width = (float(v) for v in rest.split("x"))
-                return cls.rectangle(length, width)
-            points = rest.split(";") if kind == "polygon" else re.findall(r"\[([^][]*)\]", text)
-            if kind == "polygon" or re.sub(r"\[[^][]*\]|[\s,]", "", text) == "[]":
-                return cls.polygon(np.array([[float(v) for v in point.split(",")] for point in points]))
-        except ShapeError:
-            raise
-        except ValueError:
-            pass
-        allowed = "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or [[x, y], ...] (metres)"
-        raise ShapeError(f"expected {allowed}, got robot {brief(text)}")
+        return cls(parse_footprint(text))
 
     @classmethod
     def load(cls, path: str | Path) -> Robot:
@@ -118,14 +103,16 @@ class Robot(Shown):
 
         Args:
             path: a robot as world files have it (``shape: rectangle`` …), a world file with one, or parameters of nav2
-                or move_base with ``footprint`` or ``robot_radius`` (:func:`trailmark.formats.world_yaml.read_robot`).
+                or move_base with ``footprint`` or ``robot_radius`` (:func:`trailmark.formats.robot_yaml.read_robot`).
 
         Raises:
             FormatError: the file is missing, is not YAML, or holds no robot.
         """
-        from trailmark.formats.world_yaml import read_robot
-
-        return read_robot(Path(path))
+        fields = read_robot(Path(path))
+        try:
+            return cls(**fields)
+        except ShapeError as error:
+            raise FormatError(path, f"robot: {error}") from None
 
     @cached_property
     def outline(self) -> Polygon:

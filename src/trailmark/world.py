@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 import weakref
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any, Literal
@@ -19,13 +19,16 @@ from numpy.typing import ArrayLike
 
 from trailmark.arguments import brief, each_of, one_of, real
 from trailmark.changes import Changes, Obstacle, Obstacles, apply, changes_of_edits, difference
-from trailmark.errors import InputWarning, WorldError, expected_name
+from trailmark.errors import ConfigurationError, FormatError, InputWarning, ShapeError, WorldError, expected_name
 from trailmark.estimates import ObstacleEstimate, RiskBound
+from trailmark.formats.grid import grid_fields
 from trailmark.goals import Query
+from trailmark.library import find_world
 from trailmark.moving import Moving
 from trailmark.robot import Robot
 from trailmark.shapes import Polygon, Shape, shape_of, shapes_of
 from trailmark.shown import Shown
+from trailmark.world_file import read_world, save_world
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 __all__ = [
@@ -149,10 +152,16 @@ class World(Shown):
         Raises:
             FormatError: there is neither, or the file is of no known format or does not hold what its format asks for.
         """
-        from trailmark import formats
-        from trailmark.library import find_world
+        file = find_world(path)
+        return cls._made(file, lambda: read_world(file))
 
-        return formats.load_world(find_world(path))
+    @classmethod
+    def _made(cls, path: FilePath, read: Callable[[], dict[str, Any]]) -> World:
+        """Return the world of the arguments that a file's reader gives; what is wrong with them is the file's error."""
+        try:
+            return cls(**read())
+        except (ShapeError, WorldError, ConfigurationError) as error:
+            raise FormatError(path, str(error)) from None
 
     @classmethod
     def from_grid(
@@ -171,9 +180,7 @@ class World(Shown):
         Raises:
             WorldError: an array of another shape or kind, a resolution that is not above 0, or too many cells.
         """
-        from trailmark.formats.grid import world_of_grid
-
-        return world_of_grid(cells, resolution, origin, name)
+        return cls(**grid_fields(cells, resolution, origin, name))
 
     @classmethod
     def from_image(
@@ -192,7 +199,8 @@ class World(Shown):
         """
         from trailmark.formats.nav2_map import read_image
 
-        return read_image(FilePath(path), {"resolution": resolution, "origin": origin, **thresholds})
+        file, given = FilePath(path), {"resolution": resolution, "origin": origin, **thresholds}
+        return cls._made(file, lambda: read_image(file, given))
 
     @classmethod
     def from_shapely(cls, geometries: Any, bounds: Sequence[float] | None = None, name: str = "world") -> World:
@@ -231,8 +239,9 @@ class World(Shown):
         """
         from trailmark.formats.nav2_map import read_mask
 
-        zones, sources = read_mask(FilePath(path), kind, **scale)
-        boxes = np.array([zone.region.bounding_box() for zone in zones]).reshape(-1, 4)
+        found, sources = read_mask(FilePath(path), kind, **scale)
+        zones = (KeepOutZone(region) if kind == "keep-out" else SpeedZone(region, limit) for region, limit in found)
+        boxes = np.array([region.bounding_box() for region, _ in found]).reshape(-1, 4)
         low, high = np.array(self.bounds).reshape(2, 2)
         if kind == "keep-out" and not ((boxes[:, 2:] > low) & (boxes[:, :2] < high)).all(axis=1).any():
             warnings.warn(f"{path}: the keep-out mask covers nothing of the map", InputWarning, stacklevel=2)
@@ -245,9 +254,7 @@ class World(Shown):
             OutputError: the path cannot be written, or is the map, image or scenario that the world was read from (a
                 trailmark world file may be written again).
         """
-        from trailmark import formats
-
-        formats.save_world(self, FilePath(path))
+        save_world(self, FilePath(path))
 
     def query(self, name: str | None = None) -> Query:
         """Return the query of that name, or the first one.

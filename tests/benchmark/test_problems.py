@@ -55,7 +55,7 @@ def test_a_grid_map_travels_as_cells() -> None:
     posed = replace(world, robot=Robot.disc(0.2), queries=(Query("q", (1.5, -1.5, 0.0), (10.5, 3.5, 0.0)),))
     problem = Problem(posed)
     there = read_problem(problem.text)
-    cells = cells_of(there.world)
+    cells = cells_of(there.world.obstacles)
     assert cells is not None
     assert (cells.occupied == occupied).all()
     assert there.world == posed

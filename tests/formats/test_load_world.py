@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trailmark.errors import FormatError, TrailmarkError
-from trailmark.formats import load_world, save_world
-from trailmark.world import Robot, World
+from trailmark.world import World
+from trailmark.world_file import read_world
 
 KNOWN = (
     "expected trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map "
@@ -24,25 +24,15 @@ INI = "\n# OMPL.app\n[problem]\n"
 def test_content_tells_the_format_not_the_name(tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"file{suffix}"
     file.write_text(YAML)
-    assert load_world(file).name == "a"
+    assert World.load(file).name == "a"
     file.write_text(GRID)
-    assert len(load_world(file).obstacles) == 1
+    assert len(World.load(file).obstacles) == 1
     file.write_text(INI)
     with pytest.raises(FormatError, match=r"\[problem\]: missing robot"):
-        load_world(file)
+        World.load(file)
     file.write_text("image: none.png\nresolution: 1\norigin: [0, 0, 0]")
     with pytest.raises(FormatError, match="image cannot be read"):
-        load_world(file)
-
-
-def test_the_robot_can_be_replaced(tmp_path: Path) -> None:
-    (tmp_path / "a.yaml").write_text(YAML)
-    (tmp_path / "a.map").write_text(GRID)
-    robot = Robot.rectangle(0.2, 0.1)
-    assert load_world(tmp_path / "a.yaml").robot == Robot.disc(0.1)
-    assert load_world(tmp_path / "a.yaml", robot).robot == robot
-    assert load_world(tmp_path / "a.map").robot is None
-    assert load_world(tmp_path / "a.map", robot).robot == robot
+        World.load(file)
 
 
 def test_any_format_saves_as_trailmark_yaml(tmp_path: Path) -> None:
@@ -74,7 +64,7 @@ def test_unknown_content(tmp_path: Path, content: bytes, problem: str) -> None:
     file = tmp_path / "thing"
     file.write_bytes(content)
     with pytest.raises(FormatError) as caught:
-        load_world(file)
+        World.load(file)
     assert str(caught.value).startswith(str(file))
     assert problem in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -82,24 +72,24 @@ def test_unknown_content(tmp_path: Path, content: bytes, problem: str) -> None:
 
 def test_missing_files_and_directories(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"none\.yaml: cannot be read: No such file or directory$"):
-        load_world(tmp_path / "none.yaml")
+        read_world(tmp_path / "none.yaml")
     with pytest.raises(FormatError, match=r": cannot be read: Is a directory$"):
-        load_world(tmp_path)
+        read_world(tmp_path)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read anything")
 def test_unreadable_files(tmp_path: Path) -> None:
-    save_world(World("a", (0, 0, 1, 1)), tmp_path / "a.yaml")
+    World("a", (0, 0, 1, 1)).save(tmp_path / "a.yaml")
     (tmp_path / "a.yaml").chmod(0)
     with pytest.raises(FormatError, match=r"a\.yaml: cannot be read: Permission denied$"):
-        load_world(tmp_path / "a.yaml")
+        World.load(tmp_path / "a.yaml")
 
 
 def test_a_file_beyond_the_limit(tmp_path: Path) -> None:
     with (tmp_path / "a.yaml").open("wb") as file:
         file.truncate(2**27 + 1)  # sparse: takes no room
     with pytest.raises(FormatError, match="expected at most 134,217,728 bytes, got 134,217,729"):
-        load_world(tmp_path / "a.yaml")
+        World.load(tmp_path / "a.yaml")
 
 
 SEEDS = (YAML, GRID, INI + "robot = a.dae\nworld = b.dae\nstart.x = 1\n", "image: a.png\nresolution: 0.1\n")
@@ -117,7 +107,7 @@ def test_damaged_files_give_a_world_or_one_line(
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
     message = "a world"
     try:
-        load_world(file)
+        World.load(file)
     except TrailmarkError as error:
         message = str(error)
     assert len(message.splitlines()) == 1

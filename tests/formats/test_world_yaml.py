@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from tests.support.trials import THOROUGH, few
 
 from trailmark.errors import FormatError, OutputError, TrailmarkError, WorldError
-from trailmark.formats import load_world, save_world, world_json_schema
-from trailmark.formats.world_yaml import world_from_data, world_text
+from trailmark.formats import world_json_schema
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.goals import Goal
 from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
+from trailmark.world_file import world_fields, world_text
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone
 
 # The example of the contract (DESIGN.md section 2), with numbers for its dots.
@@ -62,18 +62,18 @@ def write(tmp_path: Path, text: str) -> Path:
 
 
 def test_the_contract_example(tmp_path: Path) -> None:
-    assert load_world(write(tmp_path, CONTRACT)) == OFFICE
+    assert World.load(write(tmp_path, CONTRACT)) == OFFICE
 
 
 def test_defaults(tmp_path: Path) -> None:
-    world = load_world(write(tmp_path, "trailmark: 1\nbounds: [0, 0, 1, 2]\nobstacles:\nqueries: []\n"))
+    world = World.load(write(tmp_path, "trailmark: 1\nbounds: [0, 0, 1, 2]\nobstacles:\nqueries: []\n"))
     assert world == World("office", (0.0, 0.0, 1.0, 2.0))
 
 
 def test_windows_line_ends_and_byte_order_mark(tmp_path: Path) -> None:
     file = tmp_path / "office.yaml"
     file.write_bytes(b"\xef\xbb\xbf" + CONTRACT.replace("\n", "\r\n").encode())
-    assert load_world(file) == OFFICE
+    assert World.load(file) == OFFICE
 
 
 coordinate = st.floats(-1e6, 1e6, allow_nan=False)
@@ -163,7 +163,7 @@ def any_world(draw: st.DrawFn) -> World:
 def test_round_trip_is_exact(world: World) -> None:
     data = parse_yaml(world_text(world), Path("w.yaml"))
     assert isinstance(data, dict)
-    again = world_from_data(data, Path("w.yaml"))
+    again = World(**world_fields(data, Path("w.yaml")))
     assert again == world
     assert world_text(again) == world_text(world)
 
@@ -187,7 +187,7 @@ def test_obstacles_may_have_ids_and_move(tmp_path: Path) -> None:
         "  - {shape: disc, center: [1, 1], radius: 0.5, id: pallet-7}\n"
         "  - {shape: rectangle, center: [4, 4], length: 2, width: 1, motion: {velocity: [0.5, 0], until: 4}}\n"
     )
-    world = load_world(write(tmp_path, text))
+    world = World.load(write(tmp_path, text))
     motion = Moving(Rectangle((4.0, 4.0), 2.0, 1.0), (0.5, 0.0), 4.0)
     assert world.ids == ("pallet-7", None)
     assert world.moving == (None, motion)
@@ -195,12 +195,12 @@ def test_obstacles_may_have_ids_and_move(tmp_path: Path) -> None:
     saved = world_text(world)
     assert "{shape: disc, center: [1.0, 1.0], radius: 0.5, id: pallet-7}" in saved
     assert "length: 2.0, width: 1.0, motion: {velocity: [0.5, 0.0], until: 4.0}}" in saved
-    assert load_world(write(tmp_path, saved)) == world
+    assert World.load(write(tmp_path, saved)) == world
 
 
 def test_a_name_that_utf8_cannot_hold(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="name"):
-        save_world(World("\ud800", (0, 0, 1, 1)), tmp_path / "out.yaml")
+        World("\ud800", (0, 0, 1, 1)).save(tmp_path / "out.yaml")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -211,7 +211,7 @@ def test_angles_may_be_in_degrees(tmp_path: Path) -> None:
         "queries: [{name: a, start: [1, 1, 90deg], goal: [2, 2, '180 deg']}]\n"
         "zones: [{kind: one-way, heading: 270deg, tolerance: 30deg, vertices: [[0, 0], [1, 0], [0, 1]]}]\n"
     )
-    world = load_world(write(tmp_path, text))
+    world = World.load(write(tmp_path, text))
     assert world.obstacles == (Rectangle((4.0, 4.0), 2.0, 1.0, -math.pi / 4),)
     assert world.queries == (Query("a", (1.0, 1.0, math.pi / 2), (2.0, 2.0, math.pi)),)
     zone = world.zones[0]
@@ -221,7 +221,7 @@ def test_angles_may_be_in_degrees(tmp_path: Path) -> None:
 
 def test_saving_to_a_missing_directory(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="No such file or directory"):
-        save_world(OFFICE, tmp_path / "no" / "out.yaml")
+        OFFICE.save(tmp_path / "no" / "out.yaml")
 
 
 HEAD = "trailmark: 1\nname: office\nbounds: [0, 0, 20, 12]\n"
@@ -348,7 +348,7 @@ def test_a_message_has_the_value_cut_short_and_how_many_more_there_are(tmp_path:
 def refused(tmp_path: Path, text: str) -> str:
     file = write(tmp_path, text)
     with pytest.raises(FormatError) as caught:
-        load_world(file)
+        World.load(file)
     message = str(caught.value)
     assert message.startswith(str(file))
     assert "\n" not in message
@@ -376,7 +376,7 @@ def test_any_data_gives_a_world_or_one_line(value: object, key: str) -> None:
     data = {"trailmark": 1, "bounds": [0, 0, 1, 1], **{key: value}}
     message = "a world"
     try:
-        world_from_data(data, Path("w.yaml"))
+        World(**world_fields(data, Path("w.yaml")))
     except TrailmarkError as error:
         message = str(error)
     assert len(message.splitlines()) == 1
@@ -415,7 +415,7 @@ SHAPES = (
 def read(tmp_path: Path, robot: str) -> Robot:
     file = tmp_path / "w.yaml"
     file.write_text(f"trailmark: 1\nbounds: [0, 0, 20, 10]\nrobot: {{{robot}}}\n")
-    world = load_world(file)
+    world = World.load(file)
     assert world.robot is not None
     return world.robot
 
@@ -439,7 +439,7 @@ def test_round_trip_is_exact_world_yaml_cars(robot: Robot, radius: float, revers
     world = World("w", (0.0, 0.0, 20.0, 10.0), robot=robot.steered(radius, reverse))
     data = parse_yaml(world_text(world), Path("w.yaml"))
     assert isinstance(data, dict)
-    again = world_from_data(data, Path("w.yaml"))
+    again = World(**world_fields(data, Path("w.yaml")))
     assert again == world
 
 
@@ -459,10 +459,10 @@ def test_differential_drives_are_read_and_written(tmp_path: Path) -> None:
     ):
         file = tmp_path / "world.yaml"
         file.write_text(f"trailmark: 1\nname: a\nbounds: [0, 0, 9, 9]\nrobot: {{shape: disc, radius: 0.3, {text}}}\n")
-        world = load_world(file)
+        world = World.load(file)
         assert world.robot == robot
         world.save(file)
-        assert load_world(file).robot == robot
+        assert World.load(file).robot == robot
 
 
 def test_the_json_schema_describes_cars() -> None:

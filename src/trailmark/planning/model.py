@@ -60,7 +60,7 @@ class Boxes(NamedTuple):
     @classmethod
     def between(cls, before: World, after: World) -> tuple[Boxes, int]:
         """Return the boxes for two worlds, and how many obstacles, or cells of a grid map, differ."""
-        old, new = cells_of(before), cells_of(after)
+        old, new = cells_of(before.obstacles), cells_of(after.obstacles)
         if old is not None and new is not None and old.covers_as(new):
             gone, come = old.occupied & ~new.occupied, new.occupied & ~old.occupied
             return cls(_boxes_of_cells(gone, old), _boxes_of_cells(come, old)), int(np.count_nonzero(gone | come))

@@ -15,7 +15,6 @@ import numpy as np
 
 from trailmark.curves import CurvePath
 from trailmark.errors import InternalErrorWarning
-from trailmark.formats.world_yaml import world_text
 from trailmark.motion import Motion
 from trailmark.path import Path
 from trailmark.planning.proofs.claims import contradicted
@@ -24,6 +23,7 @@ from trailmark.planning.shortening import shorten
 from trailmark.se2 import FloatArray
 from trailmark.world import Query as Named
 from trailmark.world import Robot, World
+from trailmark.world_file import world_text
 
 if TYPE_CHECKING:
     from trailmark.planning.model import WorldModel

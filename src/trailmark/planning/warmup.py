@@ -117,7 +117,7 @@ def warm_up_for(robot: Robot, world: World, objective: Objective, use: Use = "pl
     """Run every kernel once that a use of the planner needs for a robot in a world, under an objective."""
     kind = kind_of(robot)
     warm_up(kind, use)
-    if cells_of(world) is not None:
+    if cells_of(world.obstacles) is not None:
         warm_up(kind, "grid")
     if keep_outs(world):
         warm_up(kind, "leaving")

@@ -97,7 +97,7 @@ class Verifier:
             self._parts = [part for part in parts if not part.is_empty] or [robot.outline.shapely()]
             self._whole = closed(ring)
             self._body = np.concatenate([closed(ring) for part in self._parts for ring in _coordinates(part)])
-        cells = cells_of(world)
+        cells = cells_of(world.obstacles)
         self._index: EdgeIndex | CellIndex = EdgeIndex(world) if cells is None else CellIndex(world, cells)
         self.one_way = OneWayCheck(world.zones)
         self._last: tuple[Path, Motions] | None = None

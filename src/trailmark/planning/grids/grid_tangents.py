@@ -74,7 +74,7 @@ class GridTangents:
     @classmethod
     def of(cls, world: World, radius: float) -> GridTangents | None:
         """Return it for a world and a disc's radius (metres); None unless the world is a grid map and no more."""
-        cells = cells_of(world)
+        cells = cells_of(world.obstacles)
         if cells is None or world.boundary is not None or not CERTAIN + MARGIN < radius <= WIDEST * cells.cell:
             return None
         rows, columns = cells.occupied.shape
