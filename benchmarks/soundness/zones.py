@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.path import Path
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.trajectories.path import Path
 from trailmark.verify import check_path
 from trailmark.world import Robot, World
 from trailmark.zones import KeepOutZone, OneWayZone

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from trailmark.changes import Change as Change
     from trailmark.changes import Changes as Changes
     from trailmark.collision import StateChecker as StateChecker
-    from trailmark.curves import CurvePath as CurvePath
     from trailmark.curves import Steering as Steering
     from trailmark.errors import ConfigurationError as ConfigurationError
     from trailmark.errors import FormatError as FormatError
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from trailmark.goals import ReachedGoal as ReachedGoal
     from trailmark.moving import Moving as Moving
     from trailmark.objective import Objective as Objective
-    from trailmark.path import Path as Path
     from trailmark.planning import LandmarkPlanner as LandmarkPlanner
     from trailmark.planning import PlannerSettings as PlannerSettings
     from trailmark.planning import PlanProgress as PlanProgress
@@ -37,6 +35,8 @@ if TYPE_CHECKING:
     from trailmark.shapes import Disc as Disc
     from trailmark.shapes import Polygon as Polygon
     from trailmark.shapes import Rectangle as Rectangle
+    from trailmark.trajectories import CurvePath as CurvePath
+    from trailmark.trajectories import Path as Path
     from trailmark.trajectories import Trajectory as Trajectory
     from trailmark.verify import PathAudit as PathAudit
     from trailmark.verify import PathAuditor as PathAuditor
@@ -54,16 +54,15 @@ __version__ = "0.1.0"
 _NAMES = {
     "changes": "Change Changes",
     "collision": "StateChecker",
-    "curves": "CurvePath Steering",
+    "curves": "Steering",
     "errors": "ConfigurationError FormatError InternalErrorWarning OutputError ShapeError TrailmarkError WorldError",
     "goals": "Goal ReachedGoal",
     "moving": "Moving",
     "objective": "Objective",
-    "path": "Path",
     "planning": "LandmarkPlanner PlanProgress PlanResult PlannerSettings ReplanResult Update",
     "roadmap": "Roadmap",
     "shapes": "Disc Polygon Rectangle",
-    "trajectories": "Trajectory",
+    "trajectories": "CurvePath Path Trajectory",
     "verify": "PathAudit PathAuditor check_path",
     "world": "Query Robot World",
     "zones": "CostZone KeepOutZone OneWayZone SpeedZone",

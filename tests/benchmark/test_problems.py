@@ -11,11 +11,12 @@ from tests.benchmark.conftest import small_world
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.problems import Problem, problems_of, read_problem
 from trailmark.benchmark.resolution import Resolution
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import FormatError, WorldError
 from trailmark.formats.grid import cells_of
 from trailmark.goals import Goal
-from trailmark.path import Path
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.world import Query, Robot, World
 
 

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.formats.any_path import read_any_path
 from trailmark.goals import Goal
 from trailmark.planning import PlannerSettings
+from trailmark.trajectories import CurvePath
 from trailmark.world import Robot
 
 Shell = Callable[..., Any]

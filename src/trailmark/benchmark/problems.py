@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.benchmark.resolution import DEFAULT
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import FormatError, WorldError
-from trailmark.path import Path
+from trailmark.trajectories import CurvePath, Path
 from trailmark.world import Query, Robot, World
 
 __all__ = ["Job", "Problem", "problems_of", "read_problem"]

@@ -16,9 +16,9 @@ from trailmark.cli.options import Configuration, UsageError, option
 if TYPE_CHECKING:
     from trailmark.goals import Goal
     from trailmark.objective import Objective
-    from trailmark.path import Path as TrailPath
     from trailmark.planning import PlanResult
     from trailmark.shown import Layers
+    from trailmark.trajectories import Path as TrailPath
     from trailmark.world import Robot, World
 
 ANIMATION_SUFFIXES = (".gif",)

@@ -19,8 +19,8 @@ from trailmark.robot import Robot
 from trailmark.world import World
 
 if TYPE_CHECKING:
-    from trailmark.path import Path
     from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
+    from trailmark.trajectories import Path
 
 __all__ = ["Answer", "Session"]
 

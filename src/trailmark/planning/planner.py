@@ -18,7 +18,6 @@ from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.objective import Objective
-from trailmark.path import Path
 from trailmark.planning.batch import plan_batch
 from trailmark.planning.dispatch import plan_explained, replan
 from trailmark.planning.model import WorldModel, WorldModels
@@ -29,6 +28,7 @@ from trailmark.planning.result import PlanResult, ReplanResult, Update
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.warmup import Use, warm_up_for
 from trailmark.roadmap import Roadmap
+from trailmark.trajectories import Path
 from trailmark.world import Robot, World
 
 __all__ = ["LandmarkPlanner"]
@@ -53,7 +53,7 @@ class LandmarkPlanner:
     computed.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
-    reverse, a path is a :class:`trailmark.curves.CurvePath`, and in tight places short drives lead on.
+    reverse, a path is a :class:`trailmark.CurvePath`, and in tight places short drives lead on.
 
     A planner can be pickled and copied: the copy knows what the planner knows, and goes on in the same way.
 

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trailmark.curves import CurvePath
 from trailmark.errors import InternalErrorWarning
 from trailmark.motion import Motion
-from trailmark.path import Path
 from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.result import PlanProgress
 from trailmark.planning.shortening import shorten
 from trailmark.se2 import FloatArray
+from trailmark.trajectories import CurvePath, Path, path_of
 from trailmark.world import Query as Named
 from trailmark.world import Robot, World
 from trailmark.world_file import world_text
@@ -124,7 +123,7 @@ class Incumbent:
         """Return the best path from start to goal; None before there is one."""
         if self.states is None:
             return None
-        return self.motion.path(self.motion.whole_states(self.states, self.start, self.goal))
+        return path_of(self.motion, self.motion.whole_states(self.states, self.start, self.goal))
 
     def offer(self, states: FloatArray) -> bool:
         """Keep a path if it costs less than the best so far; return whether it does."""
@@ -239,7 +238,7 @@ class Query:
         if self._on_progress is None:
             return
         incumbent, path = self.incumbent, self.incumbent.path()
-        near = None if incumbent.nearest is None or path is not None else self.motion.path(incumbent.nearest)
+        near = None if incumbent.nearest is None or path is not None else path_of(self.motion, incumbent.nearest)
         cost = None if path is None else incumbent.whole_cost
         seconds = perf_counter() - self.budget.begin
         self._on_progress(PlanProgress(seconds, phase, len(self.roadmap), cost, path, near))

@@ -27,12 +27,12 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision.footprint import Footprint
 from trailmark.moving import Moving
-from trailmark.path import Path
 from trailmark.planning.query import Incumbent, vertices_of
 from trailmark.planning.replanning import Replanner, Rest, as_replan, rest_of
 from trailmark.planning.result import ReplanResult
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
+from trailmark.trajectories import Path
 from trailmark.verify.advance import Close, Way, meetings
 
 __all__ = ["MovingObstacles", "SpaceTimeReplanner", "motions_clear", "path_clear", "state_clear"]

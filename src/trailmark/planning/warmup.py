@@ -19,8 +19,8 @@ from trailmark.jit import compiling, compiling_for
 from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
-from trailmark.path import Path
 from trailmark.shapes import Disc, Rectangle
+from trailmark.trajectories import Path
 from trailmark.world import Robot, World, keep_outs
 from trailmark.zones import KeepOutZone, OneWayZone
 

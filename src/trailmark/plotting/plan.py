@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from trailmark.goals import Goal
-    from trailmark.path import Path
     from trailmark.planning import PlanResult
     from trailmark.roadmap import Roadmap
+    from trailmark.trajectories import Path
     from trailmark.verify import PathAudit
     from trailmark.world import Robot, World
 

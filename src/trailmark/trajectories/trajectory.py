@@ -24,10 +24,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.arguments import number, number_array, one_of, whole
-from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
-from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.trajectories.curve_path import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.trajectories.pieces import Pieces, joined, pieces_of
 from trailmark.trajectories.smooth import SmoothPath
 from trailmark.zones import SpeedZone

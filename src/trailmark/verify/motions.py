@@ -13,10 +13,9 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.curves import CurvePath
-from trailmark.path import Path
 from trailmark.se2 import FloatArray
 from trailmark.touching import TOUCHING_TOLERANCE
+from trailmark.trajectories import CurvePath, Path
 from trailmark.verify.advance import Close, Way
 from trailmark.zones import OneWayZone, Zone
 

@@ -18,12 +18,12 @@ from tests.support.trials import few, trials
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.library import find_world
-from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.proofs.bound import LARGE
 from trailmark.planning.proofs.region import free_region, grown
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
 
 

@@ -74,7 +74,7 @@ class LowerBound:
         robot: footprint.
         grid: the world's outlines in cells, if they are there already.
         large: corners of obstacles from which on it is looked at only as far as a query needs.
-        motion: tells what paths cost, if not what :class:`~trailmark.path.Path` says.
+        motion: tells what paths cost, if not what :class:`~trailmark.Path` says.
 
     Attributes:
         corners: about how many all obstacles have.

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trailmark.errors import ConfigurationError, OutputError
-from trailmark.path import Path
+from trailmark.trajectories.path import Path
 
 coordinate = st.floats(-100.0, 100.0)
 pose = st.tuples(coordinate, coordinate, st.floats(-math.pi, math.pi, exclude_min=True))

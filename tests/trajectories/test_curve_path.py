@@ -10,9 +10,10 @@ import shapely
 from tests.support.trials import trials
 
 from trailmark import se2
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
-from trailmark.path import Path
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path
 
 KNOTS = np.array([(0.0, 0.0, 0.0), (8.0, 3.0, 1.0), (7.5, 3.5, 2.5), (2.0, 9.0, -3.0)])
 

@@ -15,9 +15,10 @@ from trailmark import se2
 from trailmark.arguments import number, number_array, one_of
 from trailmark.curves.steering import Curves, Steering
 from trailmark.errors import ConfigurationError
-from trailmark.path import Path, fractions
+from trailmark.motion import CurveMotion, Motion
+from trailmark.trajectories.path import Path, fractions
 
-__all__ = ["CurvePath"]
+__all__ = ["CurvePath", "path_of"]
 
 SAGITTA, MAX_TURN = 1e-3, 0.1
 """Between two states of an arc: maximum distance (metres) of the chord from it, and maximum turn (radians)."""
@@ -240,3 +241,9 @@ class CurvePath(Path):
         found[exact] = self.knots[knot[exact]]
         found[where == 0.0] = self.knots[0]
         return found
+
+
+def path_of(motion: Motion, states: se2.FloatArray) -> Path:
+    """Return the path that a kind of motion drives over states, shape (n, 3); a car's has them as its knots."""
+    driven = motion.driven(states)
+    return CurvePath(driven, motion.steering) if isinstance(motion, CurveMotion) else Path(driven)
