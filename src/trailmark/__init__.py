@@ -9,6 +9,8 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from trailmark.version import __version__
+
 if TYPE_CHECKING:
     from trailmark.changes import Change as Change
     from trailmark.changes import Changes as Changes
@@ -48,8 +50,6 @@ if TYPE_CHECKING:
     from trailmark.zones import KeepOutZone as KeepOutZone
     from trailmark.zones import OneWayZone as OneWayZone
     from trailmark.zones import SpeedZone as SpeedZone
-
-__version__ = "0.1.0"
 
 _NAMES = {
     "changes": "Change Changes",

@@ -20,6 +20,7 @@ from trailmark.planning.result import PlanProgress
 from trailmark.planning.shortening import shorten
 from trailmark.se2 import FloatArray
 from trailmark.trajectories import CurvePath, Path, path_of
+from trailmark.version import __version__
 from trailmark.world import Query as Named
 from trailmark.world import Robot, World
 from trailmark.world_file import world_text
@@ -261,8 +262,6 @@ def report_error(problem: str, world: World, robot: Robot, start: FloatArray, go
     Warns:
         InternalErrorWarning: the problem, in one line, and where the file is.
     """
-    from trailmark import __version__
-
     failed = Named("failed", tuple(map(float, start)), tuple(map(float, goal)))  # type: ignore[arg-type]  # three each
     notes = {"trailmark": __version__, "problem": problem, **details}
     text = "".join(f"# {key}: {json.dumps(value)}\n" for key, value in notes.items())
