@@ -21,8 +21,8 @@ from benchmarks.report import Claim, keep
 from trailmark import Robot, World
 from trailmark.collision import StateChecker
 from trailmark.formats.grid import cells_of
-from trailmark.library import find_world
 from trailmark.ros.planning import GridMap
+from trailmark.world.library import find_world
 
 CELL = 0.05
 """Metres, of shipped worlds as maps."""

@@ -20,7 +20,7 @@ from benchmarks.soundness.reference import REFUSED, Reference, deepest, least_ro
 from trailmark.collision import StateChecker
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanResult
-from trailmark.planning.proofs import LowerBound, enclosed
+from trailmark.proofs import LowerBound, enclosed
 from trailmark.trajectories import CurvePath
 from trailmark.trajectories.path import Path as Way
 from trailmark.world import Robot, World

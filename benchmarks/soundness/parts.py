@@ -22,7 +22,7 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs import LowerBound
+from trailmark.proofs import LowerBound
 from trailmark.shapes import Disc, Rectangle
 from trailmark.trajectories import CurvePath
 from trailmark.trajectories.path import Path as Way

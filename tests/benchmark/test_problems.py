@@ -14,10 +14,10 @@ from trailmark.benchmark.resolution import Resolution
 from trailmark.curves import Steering
 from trailmark.errors import FormatError, WorldError
 from trailmark.formats.grid import cells_of
-from trailmark.goals import Goal
 from trailmark.trajectories import CurvePath
 from trailmark.trajectories.path import Path
 from trailmark.world import Query, Robot, World
+from trailmark.world.goals import Goal
 
 
 def test_a_world_poses_one_problem_a_query() -> None:

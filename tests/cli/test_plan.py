@@ -15,10 +15,10 @@ import pytest
 
 from trailmark.curves import Steering
 from trailmark.formats.any_path import read_any_path
-from trailmark.goals import Goal
 from trailmark.planning import PlannerSettings
 from trailmark.trajectories import CurvePath
 from trailmark.world import Robot
+from trailmark.world.goals import Goal
 
 Shell = Callable[..., Any]
 

@@ -33,7 +33,7 @@ from trailmark.formats.schema import GridEntry
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.shapes import Disc, Polygon, signed_area
 from trailmark.world import Robot, World
-from trailmark.world_file import world_fields, world_text
+from trailmark.world.world_file import world_fields, world_text
 
 grids = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans())
 

@@ -20,7 +20,7 @@ from trailmark.formats.nav2_map import free_cells, read_mask, save_nav2_map, unk
 from trailmark.formats.schema import MapFile
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import ObstacleEstimate, World
-from trailmark.zones import KeepOutZone, SpeedZone
+from trailmark.world.zones import KeepOutZone, SpeedZone
 
 
 def obstacles_at(world: World, points: NDArray[np.float64]) -> NDArray[np.bool_]:

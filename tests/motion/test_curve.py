@@ -19,10 +19,10 @@ from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
 from trailmark.motion import CurveMotion
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.objective import Objective
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.trajectories import CurvePath
 from trailmark.world import Robot, World
+from trailmark.world.objective import Objective
 
 KINDS = [Steering(1.5), Steering(1.5, reverse=False)]
 NAMES = ["reeds-shepp", "dubins"]

@@ -10,8 +10,8 @@ from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, StateCheck
 from trailmark.collision.kernels import FREE
 from trailmark.motion import motion_of
 from trailmark.motion.base import costs, motions_free
-from trailmark.robot import Robot
 from trailmark.trajectories import path_of
+from trailmark.world.robot import Robot
 
 ROBOTS = {
     "disc": Robot.disc(0.3),

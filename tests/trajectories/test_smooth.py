@@ -28,7 +28,7 @@ from trailmark.benchmark.referee import Referee
 from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
 from trailmark.trajectories import path_of as driven_path
-from trailmark.zones import OneWayZone
+from trailmark.world.zones import OneWayZone
 
 BOX = Rectangle((5.0, 5.0), 2.0, 2.0)
 WORLD = World(name="box", bounds=(0.0, 0.0, 10.0, 10.0), obstacles=(BOX,))

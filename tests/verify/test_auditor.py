@@ -19,7 +19,7 @@ from trailmark.trajectories import CurvePath
 from trailmark.trajectories.path import Path
 from trailmark.verify import PathAudit, PathAuditor, check_path
 from trailmark.world import Robot, World
-from trailmark.zones import KeepOutZone
+from trailmark.world.zones import KeepOutZone
 
 BOUNDS = (0.0, 0.0, 20.0, 20.0)
 BOX = Rectangle((10.0, 10.0), 2.0, 2.0)

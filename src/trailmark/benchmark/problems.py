@@ -54,7 +54,7 @@ class Problem:
         Made anew each time: of a map with thousands of queries, each problem's text is kilobytes. The obstacles of a
         grid map are its cells.
         """
-        from trailmark.world_file import world_text
+        from trailmark.world.world_file import world_text
 
         return world_text(self.world, grid=True)
 
@@ -140,7 +140,7 @@ def read_problem(text: str) -> Problem:
         FormatError: it does not.
     """
     from trailmark.formats.yaml_data import parse_yaml
-    from trailmark.world_file import world_fields
+    from trailmark.world.world_file import world_fields
 
     source = FilePath("problem")
     data = parse_yaml(text, source)

@@ -141,9 +141,9 @@ def recorded_path(found: PathFile, file: Path) -> RobotPath:
     from trailmark.arguments import brief, real
     from trailmark.curves import Steering
     from trailmark.errors import FormatError, TrailmarkError
-    from trailmark.robot import TURNING_LIMIT
     from trailmark.trajectories import CurvePath
     from trailmark.trajectories import Path as RobotPath
+    from trailmark.world.robot import TURNING_LIMIT
 
     if found.curve is None:
         return RobotPath(found.states)
@@ -164,7 +164,7 @@ def recorded_path(found: PathFile, file: Path) -> RobotPath:
 
 def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:
     """Return a proven lower bound on the cost of any path between the same ends; None where an end is not valid."""
-    from trailmark.planning.proofs.bound import LowerBound
+    from trailmark.proofs.bound import LowerBound
 
     ends = audit.path.states[[0, -1]]
     if not auditor.checker.valid(ends).all():

@@ -1,4 +1,4 @@
-"""trailmark's own world file as text, YAML that people write and read; :mod:`trailmark.world_file` is its content."""
+"""trailmark's own world file as text, YAML that people write and read; its content: trailmark.world.world_file."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ from trailmark.motion import base
 from trailmark.motion.base import MotionModel
 from trailmark.motion.density import Density, build_density, least_factor
 from trailmark.motion.one_way import one_ways
-from trailmark.objective import Objective
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.world.objective import Objective
 
 __all__ = ["CurveMotion", "DifferentialMotion", "Motion", "StraightMotion", "TranslationMotion"]
 

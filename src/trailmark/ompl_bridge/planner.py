@@ -16,10 +16,8 @@ from trailmark.arguments import one_of, truth, whole
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
 from trailmark.errors import WorldError
-from trailmark.goals import Ends
 from trailmark.motion import kind_of
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.objective import Objective
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.errors import ObjectiveError
 from trailmark.ompl_bridge.goals import goals_in
@@ -35,6 +33,8 @@ from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap
 from trailmark.trajectories import CurvePath, Path
 from trailmark.world import World
+from trailmark.world.goals import Ends
+from trailmark.world.objective import Objective
 
 __all__ = ["LandmarkPlanner"]
 

@@ -14,18 +14,18 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision.certify import BUDGET
 from trailmark.errors import ConfigurationError
-from trailmark.goals import Ends, Goal, goals_of
 from trailmark.planning.dispatch import plan_explained
 from trailmark.planning.model import WorldModel
 from trailmark.planning.pipeline import WORTH_SHORTENING
-from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Budget, Incumbent
 from trailmark.planning.result import PlanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shortening import shorten, without_needless
+from trailmark.proofs import LowerBound
 from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.se2 import FloatArray
 from trailmark.trajectories import path_of
+from trailmark.world.goals import Ends, Goal, goals_of
 
 __all__ = ["BatchSolver", "for_each", "plan_batch"]
 

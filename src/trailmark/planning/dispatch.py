@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.errors import ConfigurationError
-from trailmark.goals import Ends, ReachedGoal, goals_of
 from trailmark.planning.escape import plan_out_of_zones, way_out
 from trailmark.planning.goals import plan_to_goals
 from trailmark.planning.model import WorldModel, WorldModels, zones_at
@@ -23,6 +22,7 @@ from trailmark.planning.result import PlanResult, ReplanResult, Status
 from trailmark.planning.space_time import MovingObstacles, SpaceTimeReplanner
 from trailmark.se2 import FloatArray
 from trailmark.trajectories import Path, path_of
+from trailmark.world.goals import Ends, ReachedGoal, goals_of
 
 __all__ = ["plan_any", "plan_explained", "replan"]
 

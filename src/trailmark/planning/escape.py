@@ -39,7 +39,7 @@ from trailmark.trajectories import path_of
 from trailmark.verify import PathAuditor
 from trailmark.verify.auditor import RISE
 from trailmark.world import World, keep_outs
-from trailmark.zones import KeepOutZone
+from trailmark.world.zones import KeepOutZone
 
 __all__ = ["plan_out_of_zones", "way_out", "ways_out_of_zones"]
 

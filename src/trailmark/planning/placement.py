@@ -17,13 +17,13 @@ from trailmark.errors import ConfigurationError
 from trailmark.landmarks import k_means_landmarks, repair_centres
 from trailmark.landmarks.band import Band
 from trailmark.landmarks.paper import algorithm_2
-from trailmark.planning.hybrid_astar import Targets, drive_to, hybrid_astar
-from trailmark.planning.lattice.schedule import LatticeSchedule
-from trailmark.planning.proofs.prover import Prover
+from trailmark.planning.lattice_schedule import LatticeSchedule
+from trailmark.planning.prover import Prover
 from trailmark.planning.query import PROMISING, Incumbent, Query
 from trailmark.planning.verification import Verification
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
+from trailmark.search.hybrid_astar import Targets, drive_to, hybrid_astar
 from trailmark.trajectories import CurvePath, Path, path_of
 
 __all__ = [

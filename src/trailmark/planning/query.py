@@ -15,15 +15,15 @@ import numpy as np
 
 from trailmark.errors import InternalErrorWarning
 from trailmark.motion import Motion
-from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.result import PlanProgress
 from trailmark.planning.shortening import shorten
+from trailmark.proofs.claims import contradicted
 from trailmark.se2 import FloatArray
 from trailmark.trajectories import CurvePath, Path, path_of
 from trailmark.version import __version__
 from trailmark.world import Query as Named
 from trailmark.world import Robot, World
-from trailmark.world_file import world_text
+from trailmark.world.world_file import world_text
 
 if TYPE_CHECKING:
     from trailmark.planning.model import WorldModel

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.motion import Motion
-from trailmark.planning.lattice.cost_to_go import CostToGo
-from trailmark.planning.lattice.schedule import LatticeSchedule
+from trailmark.planning.lattice_schedule import LatticeSchedule
 from trailmark.planning.model import Passed, WorldModel
 from trailmark.planning.pipeline import WORTH_SHORTENING, known_path, plan_single
 from trailmark.planning.query import Budget, Incumbent, vertices_of
@@ -24,6 +23,7 @@ from trailmark.planning.shortening import shorten
 from trailmark.roadmap.revalidation import edges_near
 from trailmark.roadmap.search import without_repetitions
 from trailmark.se2 import FloatArray
+from trailmark.search.cost_to_go import CostToGo
 from trailmark.trajectories import CurvePath, Path, path_of
 
 __all__ = ["MIN_SECONDS", "ReplanOptions", "Replanner", "Rest", "as_replan", "located", "rest_of"]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from trailmark.goals import ReachedGoal
-from trailmark.objective import Objective
 from trailmark.shown import Shown
 from trailmark.trajectories import CurvePath, Path
 from trailmark.world import Robot, World
+from trailmark.world.goals import ReachedGoal
+from trailmark.world.objective import Objective
 
 __all__ = ["PlanProgress", "PlanResult", "ReplanResult", "Status", "Update"]
 

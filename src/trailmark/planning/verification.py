@@ -10,9 +10,9 @@ import numpy as np
 from trailmark.collision import StateChecker
 from trailmark.motion import Motion
 from trailmark.motion.one_way import straight_valid
-from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.query import Incumbent, OnProgress, report_error, vertices_of
 from trailmark.planning.result import PlanProgress, PlanResult, Status
+from trailmark.proofs.claims import contradicted
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
 from trailmark.trajectories import CurvePath, Path, path_of

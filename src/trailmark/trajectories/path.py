@@ -17,9 +17,9 @@ from trailmark.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from trailmark.collision import StateChecker
-    from trailmark.robot import Robot
     from trailmark.trajectories import SmoothPath, Trajectory
     from trailmark.world import World
+    from trailmark.world.robot import Robot
 
 __all__ = ["Path", "fractions"]
 

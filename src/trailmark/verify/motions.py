@@ -17,7 +17,7 @@ from trailmark.se2 import FloatArray
 from trailmark.touching import TOUCHING_TOLERANCE
 from trailmark.trajectories import CurvePath, Path
 from trailmark.verify.advance import Close, Way
-from trailmark.zones import OneWayZone, Zone
+from trailmark.world.zones import OneWayZone, Zone
 
 __all__ = ["Motions", "OneWayCheck", "WrongWay", "merged"]
 
