@@ -17,7 +17,8 @@ from trailmark.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from trailmark.collision import StateChecker
-    from trailmark.trajectories import SmoothPath, Trajectory
+    from trailmark.trajectories.smooth import SmoothPath
+    from trailmark.trajectories.trajectory import Trajectory
     from trailmark.world import World
     from trailmark.world.robot import Robot
 
@@ -198,7 +199,7 @@ class Path:
         Raises:
             ConfigurationError: limits that are not finite numbers above 0.
         """
-        from trailmark.trajectories import Limits, timed
+        from trailmark.trajectories.trajectory import Limits, timed
 
         limits = Limits(max_speed, max_acceleration, max_turn_rate, max_turn_acceleration, intervals)
         return timed(self, limits, zones)
