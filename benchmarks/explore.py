@@ -32,8 +32,8 @@ from trailmark.collision import StateChecker
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.explorer import Explorer
 from trailmark.exploration.warmup import warm_up_exploration
-from trailmark.library import shipped_worlds
 from trailmark.world import Query
+from trailmark.world.library import shipped_worlds
 
 Row = dict[str, Any]
 

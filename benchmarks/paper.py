@@ -27,8 +27,8 @@ from trailmark.collision import StateChecker
 from trailmark.landmarks import algorithm_1, algorithm_2, repair_centres, spread_of_runs
 from trailmark.landmarks.executions import execute_se2, readings_in
 from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, PaperLandmarks
-from trailmark.library import shipped_worlds
 from trailmark.world import World
+from trailmark.world.library import shipped_worlds
 
 ENVIRONMENTS = {"environment1": 12, "environment2": 14}
 N = 1000

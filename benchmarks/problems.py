@@ -16,9 +16,9 @@ from trailmark.benchmark.public.graded import corner_ends, passage_world
 from trailmark.collision import StateChecker
 from trailmark.formats.movingai import read_scenarios
 from trailmark.landmarks import Relaxation, free_samples
-from trailmark.library import find_world, shipped_worlds
 from trailmark.shapes import Disc
 from trailmark.world import Query, Robot, World
+from trailmark.world.library import find_world, shipped_worlds
 
 __all__ = ["Case", "ablation_cases", "cars", "cases", "data_folder", "random_cases"]
 

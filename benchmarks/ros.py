@@ -21,8 +21,8 @@ from benchmarks.report import Claim, keep
 from trailmark import Robot, World
 from trailmark.collision import StateChecker
 from trailmark.formats.grid import cells_of
-from trailmark.library import find_world
 from trailmark.ros.planning import GridMap
+from trailmark.world.library import find_world
 
 CELL = 0.05
 """Metres, of shipped worlds as maps."""
@@ -34,7 +34,7 @@ ROBOTS = {"disc 0.22 m": "disc:0.22", "rectangle 0.6 x 0.4 m": "rectangle:0.6x0.
 def map_of(name: str) -> GridMap:
     """Return a nav2 map, or a shipped world in cells."""
     world = World.load(name if Path(name).exists() else find_world(name))
-    cells = cells_of(world)
+    cells = cells_of(world.obstacles)
     if cells is not None:
         return GridMap(cells.occupied, cells.cell, cells.origin)
     xmin, ymin, xmax, ymax = world.bounds

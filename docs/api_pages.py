@@ -23,7 +23,6 @@ PARTS = {
     "trailmark.formats": "Files that are read and written.",
     "trailmark.landmarks": "Samples, K-means, the relaxed problem; the published method.",
     "trailmark.shown": "What pictures show.",
-    "trailmark.library": "The worlds that are shipped.",
     "trailmark.motion": "Kinds of motion, all certified.",
     "trailmark.ompl_bridge": "trailmark's parts inside OMPL.",
     "trailmark.planning": "The planner and its settings.",
@@ -31,6 +30,7 @@ PARTS = {
     "trailmark.roadmap": "Landmarks, edges, and the search among them.",
     "trailmark.se2": "Configurations of the plane.",
     "trailmark.shapes": "Discs, rectangles and polygons.",
+    "trailmark.world": "How well obstacles are known; the worlds that are shipped.",
     "trailmark.trajectories": "Smooth paths, and when a robot is where.",
     "trailmark.errors": "What is raised.",
 }

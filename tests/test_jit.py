@@ -272,7 +272,7 @@ def test_compiling_is_reported_once_in_a_row() -> None:
     clock, said = [0.0], list[str]()
     compiling = jit._Compiling(said.append, lambda: clock[0])
 
-    def compile_at(begin: float, end: float, module: str = "trailmark.heap") -> None:
+    def compile_at(begin: float, end: float, module: str = "trailmark.search.heap") -> None:
         what: Any = SimpleNamespace(
             kind="numba:compile", data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=module))}
         )

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from benchmarks.soundness.reference import REFUSED, Reference, deepest, least_room, moves, short_turn
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion
-from trailmark.path import Path as Way
 from trailmark.planning import LandmarkPlanner, PlanResult
-from trailmark.planning.proofs import LowerBound, enclosed
+from trailmark.proofs import LowerBound, enclosed
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path as Way
 from trailmark.world import Robot, World
 
 __all__ = ["Question", "ask", "judge_path", "judge_result", "load", "save"]

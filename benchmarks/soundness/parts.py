@@ -20,12 +20,12 @@ from benchmarks.soundness.zones import ROBOTS as LEAVING
 from benchmarks.soundness.zones import corner_query, judge_leaving, leaving_scene
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion
-from trailmark.path import Path as Way
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs import LowerBound
+from trailmark.proofs import LowerBound
 from trailmark.shapes import Disc, Rectangle
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path as Way
 from trailmark.verify import check_path
 from trailmark.world import Robot, World
 

@@ -13,11 +13,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.path import Path
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.trajectories.path import Path
 from trailmark.verify import check_path
 from trailmark.world import Robot, World
-from trailmark.zones import KeepOutZone, OneWayZone
+from trailmark.world.zones import KeepOutZone, OneWayZone
 
 __all__ = ["ROBOTS", "Leaving", "corner_query", "depth", "judge_leaving", "leaving_scene"]
 

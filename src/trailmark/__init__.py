@@ -9,11 +9,10 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from trailmark.version import __version__
+
 if TYPE_CHECKING:
-    from trailmark.changes import Change as Change
-    from trailmark.changes import Changes as Changes
     from trailmark.collision import StateChecker as StateChecker
-    from trailmark.curves import CurvePath as CurvePath
     from trailmark.curves import Steering as Steering
     from trailmark.errors import ConfigurationError as ConfigurationError
     from trailmark.errors import FormatError as FormatError
@@ -22,11 +21,6 @@ if TYPE_CHECKING:
     from trailmark.errors import ShapeError as ShapeError
     from trailmark.errors import TrailmarkError as TrailmarkError
     from trailmark.errors import WorldError as WorldError
-    from trailmark.goals import Goal as Goal
-    from trailmark.goals import ReachedGoal as ReachedGoal
-    from trailmark.moving import Moving as Moving
-    from trailmark.objective import Objective as Objective
-    from trailmark.path import Path as Path
     from trailmark.planning import LandmarkPlanner as LandmarkPlanner
     from trailmark.planning import PlannerSettings as PlannerSettings
     from trailmark.planning import PlanProgress as PlanProgress
@@ -37,36 +31,38 @@ if TYPE_CHECKING:
     from trailmark.shapes import Disc as Disc
     from trailmark.shapes import Polygon as Polygon
     from trailmark.shapes import Rectangle as Rectangle
+    from trailmark.trajectories import CurvePath as CurvePath
+    from trailmark.trajectories import Path as Path
     from trailmark.trajectories import Trajectory as Trajectory
     from trailmark.verify import PathAudit as PathAudit
     from trailmark.verify import PathAuditor as PathAuditor
     from trailmark.verify import check_path as check_path
+    from trailmark.world import Change as Change
+    from trailmark.world import Changes as Changes
+    from trailmark.world import CostZone as CostZone
+    from trailmark.world import Goal as Goal
+    from trailmark.world import KeepOutZone as KeepOutZone
+    from trailmark.world import Moving as Moving
+    from trailmark.world import Objective as Objective
+    from trailmark.world import OneWayZone as OneWayZone
     from trailmark.world import Query as Query
+    from trailmark.world import ReachedGoal as ReachedGoal
     from trailmark.world import Robot as Robot
+    from trailmark.world import SpeedZone as SpeedZone
     from trailmark.world import World as World
-    from trailmark.zones import CostZone as CostZone
-    from trailmark.zones import KeepOutZone as KeepOutZone
-    from trailmark.zones import OneWayZone as OneWayZone
-    from trailmark.zones import SpeedZone as SpeedZone
-
-__version__ = "0.1.0"
 
 _NAMES = {
-    "changes": "Change Changes",
     "collision": "StateChecker",
-    "curves": "CurvePath Steering",
+    "curves": "Steering",
     "errors": "ConfigurationError FormatError InternalErrorWarning OutputError ShapeError TrailmarkError WorldError",
-    "goals": "Goal ReachedGoal",
-    "moving": "Moving",
-    "objective": "Objective",
-    "path": "Path",
     "planning": "LandmarkPlanner PlanProgress PlanResult PlannerSettings ReplanResult Update",
     "roadmap": "Roadmap",
     "shapes": "Disc Polygon Rectangle",
-    "trajectories": "Trajectory",
+    "trajectories": "CurvePath Path Trajectory",
     "verify": "PathAudit PathAuditor check_path",
-    "world": "Query Robot World",
-    "zones": "CostZone KeepOutZone OneWayZone SpeedZone",
+    "world": (
+        "Change Changes CostZone Goal KeepOutZone Moving Objective OneWayZone Query ReachedGoal Robot SpeedZone World"
+    ),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 

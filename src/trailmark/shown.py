@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from importlib import import_module
 from typing import Any
 
 from trailmark.arguments import truth
@@ -96,13 +97,13 @@ class Shown:
         Raises:
             ConfigurationError: an unknown layer, or a result that does not know its world.
         """
-        from trailmark.plotting.canvas import scene_of
-        from trailmark.plotting.prompt import plot
-
-        return plot(scene_of(self, robot, roadmap), ax, layers)
+        return _drawing("prompt").plot(_drawing("canvas").scene_of(self, robot, roadmap), ax, layers)
 
     def _repr_png_(self) -> bytes:
-        from trailmark.plotting.canvas import scene_of
-        from trailmark.plotting.prompt import png_of
+        picture: bytes = _drawing("prompt").png_of(_drawing("canvas").scene_of(self))
+        return picture
 
-        return png_of(scene_of(self))
+
+def _drawing(part: str) -> Any:
+    """Return a module of trailmark.plotting, which stands above what it draws: the one hand-over upwards, by name."""
+    return import_module(f"trailmark.plotting.{part}")

@@ -10,11 +10,11 @@ from tests.helpers.explore_oracle import boundary_errors, overlaps, seen_share, 
 from tests.helpers.explore_worlds import KINDS, explore_world
 
 from trailmark.collision import StateChecker
-from trailmark.estimates import ObstacleEstimate
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.visible_area import reachable_places, visible_area
 from trailmark.shapes import Rectangle
 from trailmark.world import Query, Robot, World
+from trailmark.world.estimates import ObstacleEstimate
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -12,9 +12,10 @@ from tests.benchmark.conftest import GOAL, START, small_world
 from trailmark import se2
 from trailmark.benchmark.measures import PRECISE, measured
 from trailmark.benchmark.referee import Referee
-from trailmark.curves import CurvePath, Steering
-from trailmark.path import Path
+from trailmark.curves import Steering
 from trailmark.shapes import Disc, Polygon
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
 
 ROBOT = Robot.rectangle(0.8, 0.4)

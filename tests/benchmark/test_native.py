@@ -28,8 +28,8 @@ from trailmark.benchmark.record import RunRecord
 from trailmark.benchmark.referee import Referee
 from trailmark.benchmark.status import Status
 from trailmark.collision import StateChecker
-from trailmark.path import Path as StatePath
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.trajectories.path import Path as StatePath
 from trailmark.world import Query, Robot, World
 
 pytestmark = pytest.mark.slow

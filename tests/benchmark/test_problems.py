@@ -11,12 +11,13 @@ from tests.benchmark.conftest import small_world
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.problems import Problem, problems_of, read_problem
 from trailmark.benchmark.resolution import Resolution
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import FormatError, WorldError
 from trailmark.formats.grid import cells_of
-from trailmark.goals import Goal
-from trailmark.path import Path
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.world import Query, Robot, World
+from trailmark.world.goals import Goal
 
 
 def test_a_world_poses_one_problem_a_query() -> None:
@@ -55,7 +56,7 @@ def test_a_grid_map_travels_as_cells() -> None:
     posed = replace(world, robot=Robot.disc(0.2), queries=(Query("q", (1.5, -1.5, 0.0), (10.5, 3.5, 0.0)),))
     problem = Problem(posed)
     there = read_problem(problem.text)
-    cells = cells_of(there.world)
+    cells = cells_of(there.world.obstacles)
     assert cells is not None
     assert (cells.occupied == occupied).all()
     assert there.world == posed

@@ -19,7 +19,7 @@ from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
-from trailmark.zones import OneWayZone
+from trailmark.world.zones import OneWayZone
 
 ROOM = small_world()
 ROBOT = Robot.rectangle(0.8, 0.4)

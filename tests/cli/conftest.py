@@ -190,7 +190,7 @@ class FakePlanner:
         type(self).action()
         path = None
         if self.status == "solved":
-            end = goal if trailmark.goals.goals_of(goal) is None else goal[0].nearest(start)[0]
+            end = goal if trailmark.world.goals.goals_of(goal) is None else goal[0].nearest(start)[0]
             path = trailmark.Path(np.array([start, [5.0, 1.0, 0.5], end]))
         times = {"load": 0.0, "build": 0.125, "first_solution": None if path is None else 0.25, "total": 0.5}
         seed = self.asked["seed"]

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark.library import shipped_worlds
 from trailmark.world import World
+from trailmark.world.library import shipped_worlds
 
 Shell = Callable[..., Any]
 

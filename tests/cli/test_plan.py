@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.formats.any_path import read_any_path
-from trailmark.goals import Goal
 from trailmark.planning import PlannerSettings
+from trailmark.trajectories import CurvePath
 from trailmark.world import Robot
+from trailmark.world.goals import Goal
 
 Shell = Callable[..., Any]
 

@@ -14,8 +14,9 @@ import pytest
 from trailmark import se2
 from trailmark.cli.plan_options import with_step
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.shapes import Disc
+from trailmark.trajectories import CurvePath
 from trailmark.world import Robot, World
 
 Shell = Callable[..., Any]

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from trailmark.cli.check import recorded_path
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import FormatError
 from trailmark.formats.any_path import PathFile
-from trailmark.path import Path
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path
 
 FILE = FilePath("path.json")
 CURVES = CurvePath(np.array([[0.0, 0.0, 0.0], [4.0, 3.0, 1.0], [6.0, 1.0, -1.0]]), Steering(1.5, reverse=False))

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from trailmark import library
-from trailmark.world import Robot, World
+from trailmark.world import Robot, World, library
 
 Shell = Callable[..., Any]
 

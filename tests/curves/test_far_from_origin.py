@@ -11,7 +11,8 @@ import pytest
 from tests.support.trials import few, trials
 
 from trailmark import se2
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
+from trailmark.trajectories import CurvePath
 
 ORIGINS = [(0.0, 0.0), (1e3, -1e3), (5e5, 4.5e6), (-1e7, 3.0)]
 PIECES = [(0,), (1,), (-1,), (0, 1), (0, -1), (1, 0), (-1, 0), (1, 0, 1), (1, 0, -1), (-1, 0, 1), (-1, 0, -1), (1, -1)]

@@ -24,9 +24,9 @@ from trailmark.exploration.reachability import NOWHERE, Reach
 from trailmark.exploration.strategies import STRATEGIES, Outlook
 from trailmark.exploration.survey import EXCLUDED, Memory, Survey, survey
 from trailmark.exploration.views import sight
-from trailmark.goals import Goal
 from trailmark.planning.result import PlanResult
 from trailmark.se2 import FloatArray
+from trailmark.world.goals import Goal
 
 ROBOT = Robot.disc(0.2)
 

@@ -30,10 +30,10 @@ from trailmark.formats.grid import (
     unpacked_cells,
 )
 from trailmark.formats.schema import GridEntry
-from trailmark.formats.world_yaml import world_from_data, world_text
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.shapes import Disc, Polygon, signed_area
 from trailmark.world import Robot, World
+from trailmark.world.world_file import world_fields, world_text
 
 grids = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans())
 
@@ -230,7 +230,7 @@ def test_answers_are_those_of_the_polygons(seed: int) -> None:
     mine, theirs = StateChecker(world, ROBOT), StateChecker(plain, ROBOT)
     assert np.array_equal(mine.valid(q), theirs.valid(q))
     assert mine.clearance(q) == pytest.approx(theirs.clearance(q), abs=1e-12)
-    assert cells_of(world.edited(remove=[len(world.obstacles) // 2], add=[Disc((6.0, 2.0), 0.3)])) is None
+    assert cells_of(world.edited(remove=[len(world.obstacles) // 2], add=[Disc((6.0, 2.0), 0.3)]).obstacles) is None
 
 
 def test_is_a_sequence_like_a_tuple() -> None:
@@ -251,8 +251,8 @@ def test_is_a_sequence_like_a_tuple() -> None:
 
 def test_a_turned_grid_is_no_longer_cells() -> None:
     occupied = np.eye(4, dtype=np.bool_)
-    assert cells_of(World.from_grid(occupied, 1.0, (0.0, 0.0, 0.3))) is None
-    assert cells_of(World.from_grid(occupied, 1.0)) is not None
+    assert cells_of(World.from_grid(occupied, 1.0, (0.0, 0.0, 0.3)).obstacles) is None
+    assert cells_of(World.from_grid(occupied, 1.0).obstacles) is not None
     assert CellObstacles(occupied).upright
 
 
@@ -361,10 +361,10 @@ def test_a_world_file_holds_cells_or_polygons() -> None:
     occupied = np.random.default_rng(2).random((9, 17)) < 0.3
     world = World.from_grid(occupied, 0.25, (-1.0, 2.0), name="map")
     read = {grid: _read(world_text(world, grid)) for grid in (False, True)}
-    cells = cells_of(read[True])
+    cells = cells_of(read[True].obstacles)
     assert cells is not None
     assert (cells.occupied == occupied).all()
-    assert cells_of(read[False]) is None
+    assert cells_of(read[False].obstacles) is None
     assert tuple(read[True].obstacles) == read[False].obstacles == tuple(world.obstacles)
     # What is known of single obstacles is written with them.
     named = World("map", world.bounds, world.obstacles, ids=tuple(map(str, range(len(world.obstacles)))))
@@ -400,8 +400,8 @@ def test_cells_and_obstacles_exclude_each_other() -> None:
 def _read(text: str) -> World:
     data = parse_yaml(text, FILE)
     assert isinstance(data, dict)
-    return world_from_data(data, FILE)
+    return World(**world_fields(data, FILE))
 
 
 def _from_data(**parts: Any) -> World:
-    return world_from_data({"trailmark": 1, "bounds": [0.0, 0.0, 6.0, 6.0], **parts}, FILE)
+    return World(**world_fields({"trailmark": 1, "bounds": [0.0, 0.0, 6.0, 6.0], **parts}, FILE))

@@ -13,9 +13,8 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from trailmark.errors import FormatError
-from trailmark.formats import load_world
 from trailmark.formats.movingai import parse_grid, read_scenarios
-from trailmark.world import Query
+from trailmark.world import Query, World
 
 FILE = Path("a.map")
 
@@ -35,7 +34,7 @@ def test_free_and_blocked_cells(rows: list[str]) -> None:
 def test_world(tmp_path: Path) -> None:
     (tmp_path / "a.map").write_text(map_text("@..", "...").replace("\n", "\r\n"))
     (tmp_path / "a.map.scen").write_text("version 1\n0\ta.map\t3\t2\t1\t0\t2\t1\t1.41421356\n\n7 a.map 3 2 2 1 0 1 2\n")
-    world = load_world(tmp_path / "a.map")
+    world = World.load(tmp_path / "a.map")
     assert world.name == "a"
     assert world.bounds == (0.0, 0.0, 3.0, 2.0)
     assert [shape.bounding_box() for shape in world.obstacles] == [(0.0, 1.0, 1.0, 2.0)]
@@ -48,9 +47,9 @@ def test_world(tmp_path: Path) -> None:
 
 def test_the_other_scenario_name_and_none(tmp_path: Path) -> None:
     (tmp_path / "a.map").write_text(map_text(".."))
-    assert load_world(tmp_path / "a.map").queries == ()
+    assert World.load(tmp_path / "a.map").queries == ()
     (tmp_path / "a.scen").write_text("1\ta b.map\t2\t1\t0\t0\t1\t0\t1\n")
-    assert [query.name for query in load_world(tmp_path / "a.map").queries] == ["0"]
+    assert [query.name for query in World.load(tmp_path / "a.map").queries] == ["0"]
     assert read_scenarios(tmp_path / "a.scen")[0] == (1, "a b.map", 2, 1, (0, 0), (1, 0), 1.0)
 
 
@@ -79,7 +78,7 @@ def test_the_other_scenario_name_and_none(tmp_path: Path) -> None:
 def test_bad_maps(tmp_path: Path, text: str, problem: str) -> None:
     (tmp_path / "a.map").write_text(text, encoding="utf-8")
     with pytest.raises(FormatError) as caught:
-        load_world(tmp_path / "a.map")
+        World.load(tmp_path / "a.map")
     assert f"{tmp_path}/{problem}" in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -103,7 +102,7 @@ def test_bad_scenarios_name_file_and_line(tmp_path: Path, row: str, problem: str
     (tmp_path / "a.map").write_text(map_text(".."))
     (tmp_path / "a.map.scen").write_text(f"version 1\n0 a.map 2 1 0 0 1 0 1\n{row}\n")
     with pytest.raises(FormatError) as caught:
-        load_world(tmp_path / "a.map")
+        World.load(tmp_path / "a.map")
     assert str(caught.value).startswith(f"{tmp_path}/a.map.scen:3: {problem}")
 
 
@@ -149,7 +148,7 @@ def test_published_optimal_lengths(shared_data: Path, name: str) -> None:
 @pytest.mark.parametrize("name", ["8room_000", "Berlin_0_256"])
 def test_published_maps(shared_data: Path, name: str) -> None:
     file = shared_data / "movingai" / f"{name}.map"
-    world = load_world(file)
+    world = World.load(file)
     rows = file.read_text().split("map\n", 1)[1].split()
     height, width = len(rows), len(rows[0])
     blocked = np.array([[cell not in ".GS" for cell in row] for row in rows])

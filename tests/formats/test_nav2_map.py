@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from trailmark.errors import FormatError, WorldError
-from trailmark.formats import load_world
 from trailmark.formats.nav2_map import free_cells, read_mask, save_nav2_map, unknown_taken_for_free
 from trailmark.formats.schema import MapFile
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import ObstacleEstimate, World
-from trailmark.zones import KeepOutZone, SpeedZone
+from trailmark.world.zones import KeepOutZone, SpeedZone
 
 
 def obstacles_at(world: World, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -54,7 +53,7 @@ def grey(*rows: list[int]) -> Image.Image:
 
 
 def test_the_first_row_is_the_highest(tmp_path: Path) -> None:
-    world = load_world(write_map(tmp_path, grey([0, 254, 254], [254, 254, 254]), origin=[10, 20, 0]))
+    world = World.load(write_map(tmp_path, grey([0, 254, 254], [254, 254, 254]), origin=[10, 20, 0]))
     assert world == World("map", (10.0, 20.0, 11.5, 21.0), world.obstacles)
     (obstacle,) = world.obstacles
     assert obstacle.bounding_box() == (10.0, 20.5, 10.5, 21.0)
@@ -64,7 +63,7 @@ def test_yaw_turns_the_map_about_its_origin(tmp_path: Path) -> None:
     image = np.full((4, 6), 254, dtype=np.uint8)
     image[1, 2] = image[3, 5] = 0
     origin = (3.0, -2.0, 0.7)
-    world = load_world(write_map(tmp_path, Image.fromarray(image), origin=list(origin)))
+    world = World.load(write_map(tmp_path, Image.fromarray(image), origin=list(origin)))
     points = pixel_centres((4, 6), 0.5, origin)
     assert np.array_equal(obstacles_at(world, points), image == 0)
     assert world.boundary is not None
@@ -78,7 +77,7 @@ def test_an_image_is_read_without_a_map_file(tmp_path: Path) -> None:
     image = grey([0, 254, 205], [254, 100, 254])
     file = write_map(tmp_path, image, origin=[1, 2, 0.5])
     alone = World.from_image(tmp_path / "map.pgm", 0.5, (1, 2, 0.5))
-    assert alone == load_world(file)
+    assert alone == World.load(file)
     assert alone.sources == ((tmp_path / "map.pgm").absolute(),)
     lenient = World.from_image(tmp_path / "map.pgm", 0.5, (1, 2), free_thresh=0.64, occupied_thresh=0.65)
     assert sum(shape.area for shape in lenient.obstacles) == pytest.approx(0.25)
@@ -117,7 +116,7 @@ def test_values_as_nav2_reads_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keys: dict[str, Any], free: bool
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert (load_world(write_map(tmp_path, grey([254]), **keys)).obstacles == ()) is free
+    assert (World.load(write_map(tmp_path, grey([254]), **keys)).obstacles == ()) is free
 
 
 def free_by_definition(v: int, file: MapFile) -> bool:
@@ -196,13 +195,13 @@ def test_other_pixel_kinds(image: Image.Image, free: bool) -> None:
 
 def test_sixteen_bits_are_not_cut_to_eight(tmp_path: Path) -> None:
     data = b"P5 2 1 65535\n" + struct.pack(">2H", 52691, 52690)  # p on both sides of 0.196
-    world = load_world(write_map(tmp_path, data))
+    world = World.load(write_map(tmp_path, data))
     assert sum(shape.area for shape in world.obstacles) == 0.25
 
 
 @pytest.mark.parametrize("name", ["map.png", "map.bmp", "map.jpg", "map.ppm"])
 def test_image_kinds(tmp_path: Path, name: str) -> None:
-    world = load_world(
+    world = World.load(
         write_map(tmp_path, Image.fromarray(np.kron([[0, 255]], np.ones((8, 8))).astype(np.uint8)), name)
     )
     (obstacle,) = world.obstacles
@@ -210,13 +209,13 @@ def test_image_kinds(tmp_path: Path, name: str) -> None:
 
 
 def test_ascii_pgm_and_a_small_maximum(tmp_path: Path) -> None:
-    world = load_world(write_map(tmp_path, b"P2\n# made by hand\n3 1\n10\n10 0 9\n"))
+    world = World.load(write_map(tmp_path, b"P2\n# made by hand\n3 1\n10\n10 0 9\n"))
     assert [shape.bounding_box() for shape in world.obstacles] == [(0.5, 0.0, 1.0, 0.5)]
 
 
 def test_defaults_and_foreign_keys(tmp_path: Path) -> None:
     # 205 is what map savers write for unknown: p = 0.19608 > 0.196.
-    world = load_world(write_map(tmp_path, grey([205, 206, 254]), origin=None, elevation="x.tif"))
+    world = World.load(write_map(tmp_path, grey([205, 206, 254]), origin=None, elevation="x.tif"))
     assert world.bounds == (0.0, 0.0, 1.5, 0.5)
     assert [shape.bounding_box() for shape in world.obstacles] == [(0.0, 0.0, 0.5, 0.5)]
 
@@ -225,7 +224,7 @@ def test_an_absolute_image_path(tmp_path: Path) -> None:
     (tmp_path / "images").mkdir()
     grey([0, 254]).save(tmp_path / "images" / "m.png")
     file = write_map(tmp_path, grey([254]), image=str(tmp_path / "images" / "m.png"))
-    assert load_world(file).bounds == (0.0, 0.0, 1.0, 0.5)
+    assert World.load(file).bounds == (0.0, 0.0, 1.0, 0.5)
 
 
 def png_header(width: int, height: int) -> bytes:
@@ -263,7 +262,7 @@ def truncated(name: str) -> bytes:
 def test_bad_images(tmp_path: Path, image: bytes, problem: str) -> None:
     file = write_map(tmp_path, image, "map.png")
     with pytest.raises(FormatError) as caught:
-        load_world(file)
+        World.load(file)
     assert str(caught.value).startswith(f"{tmp_path / 'map.png'}: ")
     assert problem in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -271,15 +270,15 @@ def test_bad_images(tmp_path: Path, image: bytes, problem: str) -> None:
 
 def test_missing_image_and_directory(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"none\.png: image cannot be read: No such file or directory"):
-        load_world(write_map(tmp_path, grey([0]), image="none.png"))
+        World.load(write_map(tmp_path, grey([0]), image="none.png"))
     with pytest.raises(FormatError, match="expected an image of the kinds PGM/PBM/PPM, PNG, BMP, JPEG, got a"):
-        load_world(write_map(tmp_path, grey([0]), image="."))
+        World.load(write_map(tmp_path, grey([0]), image="."))
 
 
 def test_noise_is_refused(tmp_path: Path) -> None:
     board = Image.fromarray((np.indices((708, 708)).sum(axis=0) % 2 * 255).astype(np.uint8))
     with pytest.raises(FormatError, match=r"map\.pgm: map: expected outlines with at most 1,000,000 corners, got 1,0"):
-        load_world(write_map(tmp_path, board))
+        World.load(write_map(tmp_path, board))
 
 
 @pytest.mark.parametrize(
@@ -297,14 +296,14 @@ def test_noise_is_refused(tmp_path: Path) -> None:
 )
 def test_bad_fields(tmp_path: Path, keys: dict[str, Any], problem: str) -> None:
     with pytest.raises(FormatError) as caught:
-        load_world(write_map(tmp_path, grey([0]), **keys))
+        World.load(write_map(tmp_path, grey([0]), **keys))
     assert str(caught.value).startswith(f"{tmp_path / 'map.yaml'}: {problem}")
 
 
 @pytest.mark.parametrize("keys", [{"resolution": "1e-320"}, {"resolution": "1e-9", "origin": "[1e12, 0, 0]"}])
 def test_cells_too_small_to_tell_apart(tmp_path: Path, keys: dict[str, Any]) -> None:
     with pytest.raises(FormatError, match=r"map\.yaml: "):
-        load_world(write_map(tmp_path, grey([0, 254]), **keys))
+        World.load(write_map(tmp_path, grey([0, 254]), **keys))
 
 
 @pytest.mark.slow
@@ -313,7 +312,7 @@ def test_cells_too_small_to_tell_apart(tmp_path: Path, keys: dict[str, Any]) -> 
     [("depot", "0.25", (0.0, 0.0, 0.0)), ("tb3_sandbox", "0.196", (-10.0, -10.0, 0.0))],
 )
 def test_published_maps(shared_data: Path, name: str, free_at_most: str, origin: tuple[float, float, float]) -> None:
-    world = load_world(shared_data / "nav2" / f"{name}.yaml")
+    world = World.load(shared_data / "nav2" / f"{name}.yaml")
     header, pixels = (shared_data / "nav2" / f"{name}.pgm").read_bytes().split(b"\n255\n", 1)
     width, height = map(int, header.split(b"\n")[-1].split())
     image = np.frombuffer(pixels, dtype=np.uint8).reshape(height, width)
@@ -330,7 +329,7 @@ def test_published_maps(shared_data: Path, name: str, free_at_most: str, origin:
 @pytest.mark.parametrize("mode", ["trinary", "scale"])
 def test_unknown_cells_that_a_threshold_makes_free_are_told(tmp_path: Path, mode: str) -> None:
     def told(picture: Image.Image, **keys: Any) -> str:
-        return unknown_taken_for_free(load_world(write_map(tmp_path, picture, mode=mode, **keys)).sources)
+        return unknown_taken_for_free(World.load(write_map(tmp_path, picture, mode=mode, **keys)).sources)
 
     picture = grey([205, 205, 254], [0, 205, 254])
     assert told(picture, free_thresh=0.196) == ""

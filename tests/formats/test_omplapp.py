@@ -10,7 +10,6 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError
-from trailmark.formats import load_world
 from trailmark.world import Query, World
 
 CFG = """[problem]
@@ -75,7 +74,7 @@ def footprint(world: World) -> shapely.Polygon:
 
 
 def test_problem(tmp_path: Path) -> None:
-    world = load_world(problem(tmp_path))
+    world = World.load(problem(tmp_path))
     assert world.name == "Yard"
     assert world.bounds == (-55.0, -50.0, 55.0, 50.0)
     assert world.queries == (Query("problem", (1.5, -2.0, 0.5), (3.0, 4.0, -0.1)),)
@@ -89,14 +88,14 @@ def test_ini_as_people_write_it(tmp_path: Path) -> None:
         + CFG.replace("name = Yard\n", "").replace("start.x = 1.5", "  START.X=1.5 # metres").replace("\n", "\r\n")
         + "start.y = 7\nobjective = length\n[benchmark]\nstart.y = 9\n[planner]\nprm=\nprm=\naps\n"
     )
-    world = load_world(problem(tmp_path, cfg=cfg))
+    world = World.load(problem(tmp_path, cfg=cfg))
     assert world.name == "yard"
     assert world.queries[0].start == (1.5, 7.0, 0.5)
 
 
 def test_overlapping_roofs_become_one_polygon_with_holes(tmp_path: Path) -> None:
     frame = [roof(0, 0, 10, 1), roof(0, 9, 10, 10), roof(0, 0, 1, 10, y=2.0), roof(9, 0, 10, 10)]
-    world = load_world(problem(tmp_path, world=mesh(*frame)))
+    world = World.load(problem(tmp_path, world=mesh(*frame)))
     (shape,) = world.obstacles
     assert shape.polygon().shapely().equals(shapely.box(0, 0, 10, 10) - shapely.box(1, 1, 9, 9))
 
@@ -106,7 +105,7 @@ def test_walls_without_a_roof_are_not_lost(tmp_path: Path, split: bool) -> None:
     faces = [roof(0, 0, 1, 1), wall(1, 1, 5, 4), wall(5, 4, 9, 4), wall(0, 0, 1, 0)]
     if split:
         faces = [triangle for face in faces for triangle in triangles(face)]
-    found = region(load_world(problem(tmp_path, world=mesh(*faces))))
+    found = region(World.load(problem(tmp_path, world=mesh(*faces))))
     line = shapely.LineString([(1, 1), (5, 4), (9, 4)])
     assert found.covers(line)
     assert found.geom_type == "Polygon"  # the walls meet the roof and each other
@@ -116,7 +115,7 @@ def test_walls_without_a_roof_are_not_lost(tmp_path: Path, split: bool) -> None:
 
 def test_non_convex_faces(tmp_path: Path) -> None:
     corner = [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 0.0, 1.0), (1.0, 0.0, 1.0), (1.0, 0.0, 4.0), (0.0, 0.0, 4.0)]
-    world = load_world(problem(tmp_path, robot=mesh(corner)))
+    world = World.load(problem(tmp_path, robot=mesh(corner)))
     assert world.robot is not None
     middle = np.mean([(x, z) for x, _, z in corner], axis=0)
     expected = shapely.Polygon(np.array([(x, z) for x, _, z in corner]) - middle)
@@ -125,7 +124,7 @@ def test_non_convex_faces(tmp_path: Path) -> None:
 
 def test_the_robot_is_centred_by_the_mean_of_its_vertices(tmp_path: Path) -> None:
     # Four corners below, and a fifth and sixth above one side: the mean is not the middle.
-    world = load_world(problem(tmp_path, robot=mesh(roof(0, 0, 4, 2), wall(4, 0, 4, 2))))
+    world = World.load(problem(tmp_path, robot=mesh(roof(0, 0, 4, 2), wall(4, 0, 4, 2))))
     # Different positions: 4 of the roof, of which the wall shares 2, and 2 above.
     mean = np.mean([(0, 0), (4, 0), (4, 2), (0, 2), (4, 0), (4, 2)], axis=0)
     assert footprint(world).equals_exact(shapely.box(*(-mean), *(np.array([4, 2]) - mean)), 1e-12, normalize=True)
@@ -133,12 +132,12 @@ def test_the_robot_is_centred_by_the_mean_of_its_vertices(tmp_path: Path) -> Non
 
 def test_holes_in_the_robot_are_filled(tmp_path: Path) -> None:
     frame = [roof(0, 0, 10, 1), roof(0, 9, 10, 10), roof(0, 0, 1, 10), roof(9, 0, 10, 10)]
-    assert footprint(load_world(problem(tmp_path, robot=mesh(*frame)))).area == pytest.approx(100.0)
+    assert footprint(World.load(problem(tmp_path, robot=mesh(*frame)))).area == pytest.approx(100.0)
 
 
 def test_narrow_gaps_in_the_robot_are_filled(tmp_path: Path) -> None:
     parts = [roof(0, 0, 10, 4), roof(0, 4.05, 3, 9), roof(0, 9.02, 10, 12)]
-    outline = footprint(load_world(problem(tmp_path, robot=mesh(*parts))))
+    outline = footprint(World.load(problem(tmp_path, robot=mesh(*parts))))
     mean = np.mean([(x, z) for part in parts for x, _, z in part], axis=0)
     whole = shapely.union_all([shapely.box(p[0][0], p[0][2], p[2][0], p[2][2]) for p in parts])
     assert outline.buffer(1e-9).covers(shapely.transform(whole, lambda xy: xy - mean))
@@ -147,7 +146,7 @@ def test_narrow_gaps_in_the_robot_are_filled(tmp_path: Path) -> None:
 
 
 def test_parts_that_touch_in_a_corner_are_one_robot(tmp_path: Path) -> None:
-    outline = footprint(load_world(problem(tmp_path, robot=mesh(roof(0, 0, 1, 1), roof(1, 1, 2, 2)))))
+    outline = footprint(World.load(problem(tmp_path, robot=mesh(roof(0, 0, 1, 1), roof(1, 1, 2, 2)))))
     assert outline.area == pytest.approx(2.0, rel=1e-4)
 
 
@@ -178,7 +177,7 @@ def test_bad_problems(tmp_path: Path, old: str, new: str, problem_text: str) -> 
     (tmp_path / "point.dae").write_text(mesh(roof(1, 1, 1, 1)))
     file = problem(tmp_path, cfg=CFG.replace(old, new))
     with pytest.raises(FormatError) as caught:
-        load_world(file)
+        World.load(file)
     assert problem_text in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -203,7 +202,7 @@ def placed(outline: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Maze", "RandomPolygons"])
 def test_published_solutions_are_free(shared_data: Path, name: str) -> None:
-    world = load_world(shared_data / "omplapp" / f"{name}_planar.cfg")
+    world = World.load(shared_data / "omplapp" / f"{name}_planar.cfg")
     states = poses(np.loadtxt(shared_data / "omplapp" / f"{name}_planar.path"), 0.02)
     assert world.robot is not None
     bodies = placed(world.robot.outline.vertices, states)
@@ -217,7 +216,7 @@ def test_published_solutions_are_free(shared_data: Path, name: str) -> None:
 
 @pytest.mark.slow
 def test_published_solutions_hold_only_with_theta_as_read(shared_data: Path) -> None:
-    world = load_world(shared_data / "omplapp" / "Maze_planar.cfg")
+    world = World.load(shared_data / "omplapp" / "Maze_planar.cfg")
     states = poses(np.loadtxt(shared_data / "omplapp" / "Maze_planar.path"), 0.02) * (1.0, 1.0, -1.0)
     assert world.robot is not None
     assert shapely.intersects(region(world), placed(world.robot.outline.vertices, states)).any()
@@ -226,5 +225,5 @@ def test_published_solutions_hold_only_with_theta_as_read(shared_data: Path) -> 
 @pytest.mark.slow
 def test_a_wall_that_lacks_its_roof_in_published_data(shared_data: Path) -> None:
     """A roof triangle is missing in RandomPolygons, but the wall before the notch stands."""
-    world = load_world(shared_data / "omplapp" / "RandomPolygons_planar.cfg")
+    world = World.load(shared_data / "omplapp" / "RandomPolygons_planar.cfg")
     assert region(world).covers(shapely.LineString([(36.09739, -13.63669), (35.26931, -13.50349)]))

@@ -30,7 +30,7 @@ from trailmark.formats.path_files import (
     write_path,
     write_trajectory,
 )
-from trailmark.path import Path
+from trailmark.trajectories.path import Path
 
 number = st.floats(-1e9, 1e9)
 states = st.lists(st.tuples(number, number, st.floats(-math.pi, math.pi, exclude_min=True)), min_size=1, max_size=9)

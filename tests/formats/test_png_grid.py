@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from trailmark.errors import FormatError, TrailmarkError
-from trailmark.formats import load_world
 from trailmark.world import Query, World
 
 GREY, FREE, YELLOW = (127, 127, 127, 255), (195, 195, 194, 255), (255, 216, 0, 255)
@@ -47,9 +46,9 @@ def test_a_pixel_is_a_metre_and_the_start_is_free(tmp_path: Path) -> None:
 
 
 def test_the_start_lies_amid_its_block(tmp_path: Path) -> None:
-    world = load_world(saved(tmp_path, picture("sss.", "sss.", "sss.")))
+    world = World.load(saved(tmp_path, picture("sss.", "sss.", "sss.")))
     assert world.query().start == (1.5, 1.5, 0.0)
-    ring = load_world(saved(tmp_path, picture("sss", "s#s", "sss")))
+    ring = World.load(saved(tmp_path, picture("sss", "s#s", "sss")))
     x, y, _ = ring.query().start
     assert not blocked(ring, (3, 3))[2 - int(y), int(x)]
 
@@ -57,7 +56,7 @@ def test_the_start_lies_amid_its_block(tmp_path: Path) -> None:
 @pytest.mark.parametrize("mode", ["L", "LA", "RGB", "RGBA", "P"])
 def test_modes_of_the_same_picture(tmp_path: Path, mode: str) -> None:
     values = np.array([[127, 195, 208], [0, 255, 151]], dtype=np.uint8)
-    world = load_world(saved(tmp_path, Image.fromarray(values).convert(mode)))
+    world = World.load(saved(tmp_path, Image.fromarray(values).convert(mode)))
     assert world.query().start == (2.5, 1.5, 0.0)
     assert np.array_equal(blocked(world, (2, 3)), [[True, False, False], [True, False, False]])
 
@@ -65,28 +64,28 @@ def test_modes_of_the_same_picture(tmp_path: Path, mode: str) -> None:
 def test_no_start_and_two(tmp_path: Path) -> None:
     expected = "expected one block of pixels of brightness 208 that marks the start, got"
     with pytest.raises(FormatError, match=f"cave.png: {expected} 0"):
-        load_world(saved(tmp_path, picture("#..")))
+        World.load(saved(tmp_path, picture("#..")))
     with pytest.raises(FormatError, match=f"cave.png: {expected} 2"):
-        load_world(saved(tmp_path, picture("s.s")))
+        World.load(saved(tmp_path, picture("s.s")))
 
 
 @pytest.mark.slow
 def test_images_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     deep = Image.fromarray(np.full((2, 2), 208, dtype=np.uint16))
     with pytest.raises(FormatError, match="expected grey or colours of 8 bits, got pixels of mode I"):
-        load_world(saved(tmp_path, deep))
+        World.load(saved(tmp_path, deep))
     noise = Image.fromarray(np.random.default_rng(0).integers(0, 200, (40, 40)).astype(np.uint8))
     file = saved(tmp_path, noise)
     whole = file.read_bytes()
     file.write_bytes(whole[:900])
     with pytest.raises(FormatError, match=r"cave.png: damaged image"):
-        load_world(file)
+        World.load(file)
     file.write_bytes(whole[:8])
     with pytest.raises(FormatError, match=r"cave.png: not an image that can be read"):
-        load_world(file)
+        World.load(file)
     file = saved(tmp_path, Image.new("L", (8001, 8000)))
     with pytest.raises(FormatError, match="expected 1 to 64,000,000 cells, got 8001 x 8000"):
-        load_world(file)
+        World.load(file)
 
 
 @pytest.mark.slow
@@ -103,7 +102,7 @@ def test_damaged_files_give_a_world_or_one_line(
     file.write_bytes(data)
     message = "a world"
     try:
-        load_world(file)
+        World.load(file)
     except TrailmarkError as error:
         message = str(error)
     assert len(message.splitlines()) == 1
@@ -114,7 +113,7 @@ def test_published_worlds(shared_data: Path) -> None:
     files = sorted((shared_data / "explore").glob("ariadne_*.png"))
     assert len(files) >= 15
     for file in files[::5]:
-        world = load_world(file)
+        world = World.load(file)
         pixels = np.asarray(Image.open(file).convert("RGB")).astype(int)
         assert np.array_equal(blocked(world, pixels.shape[:2]), (pixels == 127).all(axis=-1))
         x, y, _ = world.query().start

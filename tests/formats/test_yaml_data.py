@@ -14,10 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trailmark.errors import FormatError
-from trailmark.formats.world_yaml import world_text
 from trailmark.formats.yaml_data import FEWEST, MAX_DEPTH, Data, parse_yaml, with_rows
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import World
+from trailmark.world.world_file import world_text
 
 FILE = Path("a.yaml")
 

@@ -9,7 +9,7 @@ import shapely
 
 from trailmark import Objective, World
 from trailmark.se2 import FloatArray
-from trailmark.zones import CostZone, SpeedZone
+from trailmark.world.zones import CostZone, SpeedZone
 
 __all__ = ["sampled_cost", "sampled_density"]
 

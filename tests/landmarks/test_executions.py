@@ -25,9 +25,9 @@ from trailmark.landmarks.executions import (
     landmarks_for_area,
     landmarks_for_range,
 )
-from trailmark.library import shipped_worlds
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
+from trailmark.world.library import shipped_worlds
 
 FloatArray = NDArray[np.float64]
 

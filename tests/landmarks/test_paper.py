@@ -22,8 +22,8 @@ from trailmark.errors import ConfigurationError
 from trailmark.estimation import RangeBearing, sense_obstacles
 from trailmark.landmarks import algorithm_1, algorithm_2, enclosed_cells, enclosed_points, free_samples, paper
 from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, initial_centres, points_in_boxes
-from trailmark.library import shipped_worlds
 from trailmark.world import World
+from trailmark.world.library import shipped_worlds
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

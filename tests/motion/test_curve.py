@@ -15,13 +15,14 @@ from tests.support.trials import few, pairs, trials
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
 from trailmark.motion import CurveMotion
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.objective import Objective
 from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.trajectories import CurvePath
 from trailmark.world import Robot, World
+from trailmark.world.objective import Objective
 
 KINDS = [Steering(1.5), Steering(1.5, reverse=False)]
 NAMES = ["reeds-shepp", "dubins"]

@@ -10,8 +10,8 @@ from tests.support.trials import trials
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
 from trailmark.motion import Motion, motion_of
 from trailmark.motion.density import line_cost
-from trailmark.robot import Robot
-from trailmark.zones import Zone
+from trailmark.world.robot import Robot
+from trailmark.world.zones import Zone
 
 OBSTACLES = (
     Disc((3.0, 3.0), 0.5),

@@ -20,6 +20,7 @@ from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray, difference
 from trailmark.shapes import Disc, Rectangle
+from trailmark.trajectories import path_of
 from trailmark.verify import RIM, Verifier
 from trailmark.world import Robot, World
 
@@ -62,12 +63,12 @@ def test_costs_obey_the_triangle_inequality_and_agree_with_the_path(reverse: boo
     a, b, c = q[:200], q[200:400], q[400:]
     if not reverse:
         assert (motion.costs(a, c) <= motion.costs(a, b) + motion.costs(b, c) + 1e-9).all()
-    path = motion.path(q)
+    path = path_of(motion, q)
     assert_driven(path.states, reverse)
     assert path.cost == pytest.approx(motion.cost_of(q))
     for start, end, cost in zip(a[:20], b[:20], motion.costs(a, b), strict=False):
         assert cost >= math.dist(start[:2], end[:2]) + 0.5 * abs(difference(start, end)[2]) - 1e-12
-        assert motion.path(np.array([start, end])).cost == pytest.approx(cost)
+        assert path_of(motion, np.array([start, end])).cost == pytest.approx(cost)
 
 
 def test_reversible_motions_are_their_opposites() -> None:
@@ -76,7 +77,7 @@ def test_reversible_motions_are_their_opposites() -> None:
     a, b = q[:200], q[200:]
     assert motion.reversible(a, b).all()
     for start, end in zip(a[:50], b[:50], strict=True):
-        there, back = (motion.path(np.array(pair)).states for pair in ((start, end), (end, start)))
+        there, back = (path_of(motion, np.array(pair)).states for pair in ((start, end), (end, start)))
         assert there[::-1] == pytest.approx(back, abs=1e-9)
     level = np.array([[0.0, 0.0, math.pi / 2]]), np.array([[1.0, 0.0, math.pi / 2]])
     assert not motion.reversible(*level).any()
@@ -95,7 +96,7 @@ def test_certified_motions_meet_nothing(name: str) -> None:
     b = a + np.column_stack([rng.uniform(-4, 4, (n, 2)), rng.uniform(-2, 2, n)])
     free = motion.motions_valid(a, b)
     assert 0.1 * n < free.sum() < 0.9 * n
-    driven = [motion.path(np.array(ends)).states for ends in zip(a, b, strict=True)]
+    driven = [path_of(motion, np.array(ends)).states for ends in zip(a, b, strict=True)]
     of = np.repeat(np.arange(n), [len(states) - 1 for states in driven])
     first, last = (np.concatenate([states[part] for states in driven]) for part in (slice(-1), slice(1, None)))
     hits = Oracle(world, robot).collides(motion_states(first, last, 200).reshape(-1, 3)).reshape(-1, 200).any(axis=1)
@@ -138,9 +139,9 @@ def test_paths_turn_in_place_and_drive_ahead(robot: Robot) -> None:
 def test_the_final_check_refuses_what_cannot_be_driven() -> None:
     motion, check = motion_in(OPEN, CART), Verifier(OPEN, CART, RIM)
     ends = np.array([[0.0, 0.0, 0.0], [3.0, 1.0, 1.0]])
-    path = motion.path(ends)
+    path = path_of(motion, ends)
     assert check.fault(path, *ends) is None
-    for other, robot in ((motion_of(StateChecker(OPEN, Robot.rectangle(0.6, 0.4))).path(ends), CART), (path, CART)):
+    for other, robot in ((path_of(motion_of(StateChecker(OPEN, Robot.rectangle(0.6, 0.4))), ends), CART), (path, CART)):
         states = other.states.copy()
         if len(states) > 2:
             states = states[::-1].copy()

@@ -12,9 +12,10 @@ from tests.helpers.random_worlds import random_world
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
 from trailmark.motion import CurveMotion, Motion, StraightMotion, TranslationMotion, kind_of, motion_of
+from trailmark.trajectories import CurvePath, path_of
 from trailmark.world import Robot, World
 
 WORLD = random_world(5, 30, size=24.0, radii=(0.5, 2.0))
@@ -76,10 +77,10 @@ def test_paths_lead_from_the_start_to_the_goal(name: str) -> None:
     middle = np.array([[5.0, 1.0, 0.0]])
     states = motion.whole_states(np.vstack([ends[:1], middle, ends[1:]]), start, goal)
     assert np.array_equal(states[[0, -1]], [start, goal])
-    path = motion.path(states)
+    path = path_of(motion, states)
     assert isinstance(path, CurvePath) == (name in ("reversing", "forwards"))
     cheapest = motion.least_cost(start, goal)
-    assert cheapest == pytest.approx(motion.path(motion.whole_states(ends, start, goal)).cost)
+    assert cheapest == pytest.approx(path_of(motion, motion.whole_states(ends, start, goal)).cost)
     assert cheapest <= path.cost + 1e-9
     if name == "translation":
         # It turns evenly along its length.

@@ -10,7 +10,8 @@ from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, StateCheck
 from trailmark.collision.kernels import FREE
 from trailmark.motion import motion_of
 from trailmark.motion.base import costs, motions_free
-from trailmark.robot import Robot
+from trailmark.trajectories import path_of
+from trailmark.world.robot import Robot
 
 ROBOTS = {
     "disc": Robot.disc(0.3),
@@ -66,7 +67,7 @@ def test_a_curve_is_charged_along_its_arcs(objective: Objective) -> None:
     a, b = pairs(2, 3, checker)
     for start, end in zip(a, b, strict=True):
         # Chords of 3 cm are shorter than their arcs by 6e-5 of the length.
-        states = np.array(weighted.path(np.array([start, end])).resample(0.03).states)
+        states = np.array(path_of(weighted, np.array([start, end])).resample(0.03).states)
         states[:, 2] = 0.0
         expected = sampled_cost(WORLD, objective, states)
         cost, error = weighted.cost_within(np.array([start, end]))

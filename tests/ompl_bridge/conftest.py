@@ -14,7 +14,7 @@ import json, os, sys
 import numpy as np
 from ompl import base as ob, geometric as og, util as ou
 from trailmark import Robot, World
-from trailmark.library import find_world
+from trailmark.world.library import find_world
 from trailmark.ompl_bridge import *
 ou.setLogLevel(ou.LOG_ERROR)
 def shipped(name):

@@ -8,8 +8,10 @@ import pytest
 
 SET_UP = """
 from trailmark import StateChecker
+from trailmark.trajectories import path_of
 from trailmark.motion import CurveMotion
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
+from trailmark.trajectories import CurvePath
 world = shipped("office")
 car = world.robot.steered(0.7, REVERSE)
 """

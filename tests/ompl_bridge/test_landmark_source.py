@@ -9,10 +9,10 @@ import pytest
 from tests.helpers.oracle import Oracle
 
 from trailmark.collision import StateChecker
-from trailmark.library import find_world
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Query, Robot, World
+from trailmark.world.library import find_world
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from tests.benchmark.conftest import small_world
 
 from trailmark.ompl_bridge import SE2Problem
 from trailmark.ompl_bridge.measured import graph_size, measure, simplify
-from trailmark.path import Path
 from trailmark.shapes import Rectangle
+from trailmark.trajectories.path import Path
 from trailmark.world import Query, Robot, World
 
 

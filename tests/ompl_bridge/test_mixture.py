@@ -15,10 +15,10 @@ from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
 from trailmark.collision import StateChecker
-from trailmark.library import find_world
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, LandmarkStream, Mixture
 from trailmark.world import Robot, World
+from trailmark.world.library import find_world
 
 EMPTY = StateChecker(World("empty", (0.0, 0.0, 10.0, 10.0)), Robot.disc(0.1))
 
@@ -101,7 +101,7 @@ def test_none_where_nothing_is_valid() -> None:
 LATE = """
 import sys
 from trailmark.collision import StateChecker
-from trailmark.library import find_world
+from trailmark.world.library import find_world
 from trailmark.motion import kind_of
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import ROADMAP_MIXTURE, LandmarkStream, warm_up_sampling

@@ -9,7 +9,8 @@ from tests.support.trials import few
 
 SET_UP = """
 from tests.helpers.oracle import Oracle
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
+from trailmark.trajectories import CurvePath
 from trailmark.ompl_bridge.spaces import set_bounds
 from trailmark import PlannerSettings
 world = shipped("office")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from tests.helpers.oracle import Oracle, motion_states
 
-from trailmark.library import find_world
 from trailmark.world import World
+from trailmark.world.library import find_world
 
 DRAWING = ("BKPIECE1", "PRM", "PRMstar")
 

@@ -12,11 +12,12 @@ import pytest
 from tests.helpers.oracle import Oracle
 from tests.helpers.random_worlds import ROBOTS, random_world
 
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.trajectories import CurvePath
 from trailmark.verify import check_path
 from trailmark.world import Query, Robot, World
 

@@ -9,9 +9,9 @@ import pytest
 from tests.helpers.oracle import Oracle
 
 from trailmark import Objective
-from trailmark.curves import CurvePath
 from trailmark.planning import LandmarkPlanner, PlanResult
 from trailmark.shapes import Rectangle
+from trailmark.trajectories import CurvePath
 from trailmark.world import Robot, World
 
 # A slot for parking, 1.6 m longer than the car.

@@ -11,13 +11,13 @@ from tests.support.trials import few
 
 from trailmark import check_path
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError, ShapeError, TrailmarkError
 from trailmark.landmarks import free_samples
-from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Rectangle
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
 
 CAR = Robot.rectangle(0.6, 0.4)

@@ -18,7 +18,7 @@ from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker
 from trailmark.planning.pipeline import disc_path
-from trailmark.planning.proofs import LowerBound
+from trailmark.proofs import LowerBound
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 

@@ -11,6 +11,7 @@ from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, Polygon, Rec
 from trailmark.motion import motion_of
 from trailmark.penetration import Penetration
 from trailmark.planning.escape import way_out
+from trailmark.trajectories import path_of
 from trailmark.world import Robot
 
 WALL = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 3.0), 2.0, 6.0),))
@@ -101,7 +102,7 @@ def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reve
             if out is None:
                 continue
             assert checker.valid(out[-1])
-            driven = motion.path(out)
+            driven = path_of(motion, out)
             # One motion, straight or in place.
             assert len(driven.states) == 2
             depths = depth_of(world, robot, driven.resample(0.02).states)

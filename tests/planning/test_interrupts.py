@@ -34,7 +34,7 @@ PLANNING = (
     "planning/query.py",
     "planning/placement.py",
     "planning/batch.py",
-    "planning/proofs/prover.py",
+    "planning/prover.py",
 )
 
 
@@ -158,12 +158,12 @@ def test_ctrl_c_arrives_as_such(car: bool) -> None:
 
 
 UPDATING = (
-    "changes.py",
+    "world/changes.py",
     "planning/model.py",
     "planning/growth.py",
     "verify/verifier.py",
     "planning/verification.py",
-    "planning/proofs/bound.py",
+    "proofs/bound.py",
     "collision/checker.py",
     "collision/fcl_scene.py",
     "landmarks/relaxation.py",

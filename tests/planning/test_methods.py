@@ -13,12 +13,12 @@ from tests.helpers.oracle import Oracle
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.path import Path
 from trailmark.planning import PlannerSettings, PlanResult
 from trailmark.planning.placement import path_over_landmarks
 from trailmark.planning.query import GAP
 from trailmark.planning.settings import METHODS, STAGES
 from trailmark.shapes import Rectangle
+from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
 
 WALLS = (Rectangle((4.0, 1.5), 0.5, 3.0), Rectangle((8.0, 4.5), 0.5, 3.0))

@@ -20,11 +20,11 @@ from tests.support.trials import few
 from trailmark import LandmarkPlanner, PlanResult
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
-from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.planning.shortening import without_needless
 from trailmark.planning.warmup import warm_up
 from trailmark.shapes import Rectangle
+from trailmark.trajectories import CurvePath
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]

@@ -23,10 +23,11 @@ from tests.support.interrupts import interrupted
 from trailmark import LandmarkPlanner, PlannerSettings
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import FREE
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.motion import CurveMotion
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap
+from trailmark.trajectories import CurvePath
 from trailmark.world import Robot
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ import pytest
 
 from trailmark import Goal, LandmarkPlanner, Path, Rectangle, Robot, World
 from trailmark.planning.result import PlanResult
-from trailmark.zones import KeepOutZone
+from trailmark.world.zones import KeepOutZone
 
 START, BEHIND = (1.0, 1.0, 0.0), (9.0, 1.0, 0.0)
 RECTANGLE = Robot.rectangle(0.6, 0.4)

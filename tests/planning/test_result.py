@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from trailmark.path import Path
 from trailmark.planning import PlanResult
+from trailmark.trajectories.path import Path
 
 
 def test_a_solved_result() -> None:

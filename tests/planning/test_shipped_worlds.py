@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from tests.support.trials import thorough
 
-from trailmark.library import shipped_worlds
 from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanResult
 from trailmark.planning.query import GAP
 from trailmark.world import Query, World
+from trailmark.world.library import shipped_worlds
 
 QUICK = PlannerSettings(sweeps=5, first_sweeps=2, patience=1)
 """Of a planner whose paths need not be the shortest."""

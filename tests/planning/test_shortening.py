@@ -17,12 +17,13 @@ from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.planning import shorten
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Rectangle
+from trailmark.trajectories import CurvePath
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]

@@ -19,7 +19,7 @@ from trailmark import (
 )
 from trailmark.motion import motion_of
 from trailmark.planning.verification import Verification
-from trailmark.zones import Zone
+from trailmark.world.zones import Zone
 
 RADIUS = 2.0
 ROBOT = Robot.rectangle(1.0, 0.4).steered(RADIUS)

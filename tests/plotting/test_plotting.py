@@ -19,19 +19,20 @@ from tests.support.pictures import colours_of, is_colour
 
 from trailmark import plotting
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import OutputError
 from trailmark.motion import motion_of
-from trailmark.moving import Moving
-from trailmark.path import Path
 from trailmark.planning.result import PlanResult
 from trailmark.plotting import OBSTACLE, draw_plan, save_audit_figure, save_world_figure
 from trailmark.plotting.world import draw_world
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.shown import COLLISION, REPAIRED
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.verify import check_path
 from trailmark.world import Query, Robot, World
-from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
+from trailmark.world.moving import Moving
+from trailmark.world.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 CAR = Robot.rectangle(0.8, 0.4)
 START, GOAL = (1.0, 1.0, 0.0), (9.0, 5.0, math.pi / 2)

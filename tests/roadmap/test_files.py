@@ -30,7 +30,7 @@ from trailmark.roadmap import Roadmap, load_roadmap, read_route_graph
 from trailmark.roadmap.files import fingerprint
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
-from trailmark.zones import OneWayZone
+from trailmark.world.zones import OneWayZone
 
 Change = Callable[[dict[str, Any]], dict[str, Any]]
 

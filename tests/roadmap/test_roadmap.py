@@ -28,7 +28,7 @@ from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
-from trailmark.zones import OneWayZone
+from trailmark.world.zones import OneWayZone
 
 networkx: Any = nx  # whose functions carry no types
 

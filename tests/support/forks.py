@@ -158,8 +158,8 @@ def _serve() -> dict[str, Any] | None:
     for module in IMPORTED:
         importlib.import_module(module)
     from trailmark import World
-    from trailmark.library import find_world
     from trailmark.planning.warmup import ROBOTS, warm_up
+    from trailmark.world.library import find_world
 
     World.load(find_world("office"))
     for kind in ROBOTS:

@@ -27,7 +27,8 @@ from trailmark import (
 from trailmark.benchmark.referee import Referee
 from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
-from trailmark.zones import OneWayZone
+from trailmark.trajectories import path_of as driven_path
+from trailmark.world.zones import OneWayZone
 
 BOX = Rectangle((5.0, 5.0), 2.0, 2.0)
 WORLD = World(name="box", bounds=(0.0, 0.0, 10.0, 10.0), obstacles=(BOX,))
@@ -156,7 +157,7 @@ def test_a_differential_drive_rounds_corners_along_its_heading(reverse: bool) ->
     checker = StateChecker(WORLD, robot)
     # Two corners close together, one that the robot touches, and one with room.
     knots = np.array([[1.0, 1.0, 1.0], [3.5, 3.4, 0.5], [3.6, 3.45, 0.0], [6.5, 3.55, 0.0], [6.6, 9.0, 2.0]])
-    path = motion_of(checker).path(knots)
+    path = driven_path(motion_of(checker), knots)
     smooth = path.smooth(checker)
     assert_correct(smooth, WORLD, robot, path)
     assert_driven_free(smooth, WORLD, robot)

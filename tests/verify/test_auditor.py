@@ -12,13 +12,14 @@ from tests.support.trials import trials
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError, WorldError
-from trailmark.path import Path
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.trajectories import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.verify import PathAudit, PathAuditor, check_path
 from trailmark.world import Robot, World
-from trailmark.zones import KeepOutZone
+from trailmark.world.zones import KeepOutZone
 
 BOUNDS = (0.0, 0.0, 20.0, 20.0)
 BOX = Rectangle((10.0, 10.0), 2.0, 2.0)

@@ -11,6 +11,7 @@ from trailmark import Rectangle, Robot, StateChecker, World, check_path
 from trailmark.landmarks import free_samples
 from trailmark.motion import motion_of
 from trailmark.planning.verification import Verification
+from trailmark.trajectories import path_of
 
 TOLERANCE, STEP = 1e-3, 4e-3
 
@@ -27,7 +28,7 @@ def test_none_is_less_and_one_is_as_small(name: str) -> None:
     pairs = [(a, b) for a, b in zip(q[:-1], near, strict=True) if checker.valid(b)]
     positive = 0
     for a, b in pairs[: few(60)]:
-        path = motion.path(np.array([a, b]))
+        path = path_of(motion, np.array([a, b]))
         found, places = verification.least_clearance(path), path.resample(STEP).states
         sampled = float(np.min(checker.clearance(places)))
         # Between two places no point of the robot moves farther than so.
@@ -46,6 +47,6 @@ def test_a_turn_beside_a_wall() -> None:
     world = World("w", (0.0, 0.0, 20.0, 20.0), (wall,), robot)
     checker = StateChecker(world)
     motion = motion_of(checker)
-    path = motion.path(np.array([[10.0, y, 0.0], [10.5, y, 1.5], [11.0, y, 3.0]]))
+    path = path_of(motion, np.array([[10.0, y, 0.0], [10.5, y, 1.5], [11.0, y, 3.0]]))
     assert Verification(checker, motion, seed=0).least_clearance(path) == pytest.approx(gap, abs=TOLERANCE)
     assert check_path(world, robot, path).min_clearance == pytest.approx(gap, abs=5e-7)

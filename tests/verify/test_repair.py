@@ -7,10 +7,10 @@ import pytest
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Rectangle
+from trailmark.trajectories.path import Path
 from trailmark.verify import PathAuditor, repaired
 from trailmark.world import Robot, World
 

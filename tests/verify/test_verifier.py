@@ -16,9 +16,9 @@ from tests.support.trials import few, trials
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
 from trailmark.errors import InternalErrorWarning
 from trailmark.planning import pipeline as solving
-from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Query
 from trailmark.planning.result import PlanProgress, Status
+from trailmark.proofs import LowerBound
 from trailmark.shapes import Rectangle
 from trailmark.verify import RIM, Verifier
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.benchmark.resolution import DEFAULT
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import FormatError, WorldError
-from trailmark.path import Path
+from trailmark.trajectories import CurvePath, Path
 from trailmark.world import Query, Robot, World
 
 __all__ = ["Job", "Problem", "problems_of", "read_problem"]
@@ -54,7 +54,7 @@ class Problem:
         Made anew each time: of a map with thousands of queries, each problem's text is kilobytes. The obstacles of a
         grid map are its cells.
         """
-        from trailmark.formats.world_yaml import world_text
+        from trailmark.world.world_file import world_text
 
         return world_text(self.world, grid=True)
 
@@ -139,11 +139,11 @@ def read_problem(text: str) -> Problem:
     Raises:
         FormatError: it does not.
     """
-    from trailmark.formats.world_yaml import world_from_data
     from trailmark.formats.yaml_data import parse_yaml
+    from trailmark.world.world_file import world_fields
 
     source = FilePath("problem")
     data = parse_yaml(text, source)
     if not isinstance(data, dict):
         raise FormatError(source, "no mapping; expected the text of a world file")
-    return Problem(replace(world_from_data(data, source), sources=()))
+    return Problem(World(**{**world_fields(data, source), "sources": ()}))

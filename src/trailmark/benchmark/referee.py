@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark.curves import Steering
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World, with_keep_outs
-from trailmark.zones import OneWayZone
+from trailmark.world.zones import OneWayZone
 
 __all__ = ["Referee"]
 

@@ -246,7 +246,7 @@ def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | Non
         wanted: the options.
     """
     from trailmark.benchmark.public.base import evenly
-    from trailmark.library import shipped_worlds
+    from trailmark.world.library import shipped_worlds
 
     found = [
         problem

@@ -13,7 +13,7 @@ from trailmark.cli.options import option
 
 if TYPE_CHECKING:
     from trailmark.formats.any_path import PathFile
-    from trailmark.path import Path as RobotPath
+    from trailmark.trajectories import Path as RobotPath
     from trailmark.verify import PathAudit, PathAuditor
     from trailmark.world import Robot
 
@@ -129,7 +129,7 @@ def check(
 
 
 def recorded_path(found: PathFile, file: Path) -> RobotPath:
-    """Return what a path file describes: a :class:`~trailmark.curves.CurvePath` if it records curves, else its states.
+    """Return what a path file describes: a :class:`~trailmark.CurvePath` if it records curves, else its states.
 
     Curves count as long as the states beside them are theirs: who edits the states wants those.
 
@@ -139,10 +139,11 @@ def recorded_path(found: PathFile, file: Path) -> RobotPath:
     import numpy as np
 
     from trailmark.arguments import brief, real
-    from trailmark.curves import CurvePath, Steering
+    from trailmark.curves import Steering
     from trailmark.errors import FormatError, TrailmarkError
-    from trailmark.path import Path as RobotPath
-    from trailmark.robot import TURNING_LIMIT
+    from trailmark.trajectories import CurvePath
+    from trailmark.trajectories import Path as RobotPath
+    from trailmark.world.robot import TURNING_LIMIT
 
     if found.curve is None:
         return RobotPath(found.states)
@@ -163,7 +164,7 @@ def recorded_path(found: PathFile, file: Path) -> RobotPath:
 
 def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:
     """Return a proven lower bound on the cost of any path between the same ends; None where an end is not valid."""
-    from trailmark.planning.proofs.bound import LowerBound
+    from trailmark.proofs.bound import LowerBound
 
     ends = audit.path.states[[0, -1]]
     if not auditor.checker.valid(ends).all():

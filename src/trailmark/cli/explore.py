@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from trailmark.exploration.exploration_folder import SavedExploration
     from trailmark.exploration.explorer import Explorer
     from trailmark.exploration.result import ExplorationProgress, ExplorationResult
-    from trailmark.robot import Robot
     from trailmark.world import World
+    from trailmark.world.robot import Robot
 
 __all__ = ["explore"]
 

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from trailmark.collision import StateChecker
     from trailmark.landmarks import Spread
     from trailmark.landmarks.executions import Execution
-    from trailmark.path import Path as RobotPath
     from trailmark.roadmap import Roadmap
     from trailmark.se2 import FloatArray
+    from trailmark.trajectories import Path as RobotPath
     from trailmark.world import Query, Robot, World
 
 __all__ = ["landmarks"]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
 Configuration = tuple[float, float, float]
 
-MAX_TURNING_RADIUS = 1e4  # trailmark.robot.TURNING_LIMIT, whose module takes numpy along
+MAX_TURNING_RADIUS = 1e4  # trailmark.world.robot.TURNING_LIMIT, whose module takes numpy along
 
 # Newer typer carries click inside, older depends on it; a public exception leads to its base class in both.
 UsageError: Any = typer.BadParameter.__mro__[1]
@@ -199,7 +199,7 @@ def read_robot(text: str | None) -> Robot | None:
     """Return the robot that ``--robot`` describes, or that the YAML file it names holds; None for None."""
     if text is None:
         return None
-    from trailmark.robot import Robot
+    from trailmark.world.robot import Robot
 
     return Robot.load(text) if robot_file(text) else Robot.parse(text)
 

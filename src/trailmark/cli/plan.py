@@ -18,8 +18,8 @@ from trailmark.cli import console, options, plan_options
 from trailmark.cli.options import option
 
 if TYPE_CHECKING:
-    from trailmark.path import Path as TrailPath
     from trailmark.planning import PlanProgress, PlanResult
+    from trailmark.trajectories import Path as TrailPath
 
 __all__ = ["plan"]
 
@@ -264,7 +264,7 @@ def _kept(result: PlanResult) -> str:
 
 
 def _curve_rows(result: PlanResult) -> list[tuple[str, str]]:
-    from trailmark.curves import CurvePath
+    from trailmark.trajectories import CurvePath
 
     path = result.path
     if not isinstance(path, CurvePath):

@@ -14,12 +14,12 @@ from trailmark.cli import console, options
 from trailmark.cli.options import Configuration, UsageError, option
 
 if TYPE_CHECKING:
-    from trailmark.goals import Goal
-    from trailmark.objective import Objective
-    from trailmark.path import Path as TrailPath
     from trailmark.planning import PlanResult
     from trailmark.shown import Layers
+    from trailmark.trajectories import Path as TrailPath
     from trailmark.world import Robot, World
+    from trailmark.world.goals import Goal
+    from trailmark.world.objective import Objective
 
 ANIMATION_SUFFIXES = (".gif",)
 
@@ -144,7 +144,7 @@ class EndOptions(NamedTuple):
 
     def ends(self, world: World) -> tuple[str | None, Configuration, Configuration | tuple[Goal, ...]]:
         """Return the query's name if it is one of the world's, the start, and the goal or goals."""
-        from trailmark.goals import Goal
+        from trailmark.world.goals import Goal
 
         if self.start is not None:
             start, poses, name = self.start, self.goals, None
@@ -215,7 +215,7 @@ def read_objective(
 ) -> Callable[[Robot], Objective]:
     """Return what makes the objective that ``--objective`` names for a robot; speeds are those of the time law."""
     from trailmark.errors import ConfigurationError
-    from trailmark.objective import Objective
+    from trailmark.world.objective import Objective
 
     speed, _, turn_rate, _ = timing.limits
     given: dict[str, float] = {}

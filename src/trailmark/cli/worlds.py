@@ -23,8 +23,7 @@ def list_worlds(context: typer.Context, as_json: options.JsonOption = False) -> 
     """List the shipped worlds; show and convert any world."""
     if context.invoked_subcommand is not None:
         return
-    from trailmark import library
-    from trailmark.world import World
+    from trailmark.world import World, library
 
     with console.progress("loading the worlds"):
         facts = [_facts(World.load(file)) | {"name": name} for name, file in sorted(library.shipped_worlds().items())]

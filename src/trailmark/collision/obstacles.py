@@ -74,7 +74,7 @@ def boundary_segments(world: World) -> tuple[FloatArray, int]:
     if world.boundary is not None:
         rings.append(world.boundary.rings()[0][::-1])
     enclosing = len(rings)
-    if (cells := cells_of(world)) is not None:
+    if (cells := cells_of(world.obstacles)) is not None:
         return np.concatenate([_ring_segments(rings), cells.sides()]), enclosing
     for shape in world.obstacles:
         if not isinstance(shape, Disc):
@@ -101,7 +101,7 @@ def _ring_segments(rings: list[FloatArray]) -> FloatArray:
 
 def obstacle_discs(world: World) -> FloatArray:
     """Return the disc obstacles as rows x, y, radius (metres), shape (k, 3)."""
-    if cells_of(world) is not None:
+    if cells_of(world.obstacles) is not None:
         return np.empty((0, 3))
     rows = [(*shape.center, shape.radius) for shape in world.obstacles if isinstance(shape, Disc)]
     return np.array(rows, dtype=np.float64).reshape(-1, 3)

@@ -21,11 +21,11 @@ from trailmark.exploration.result import Status
 from trailmark.exploration.strategies import Strategy, choice_of
 from trailmark.exploration.survey import Memory, Survey, survey
 from trailmark.exploration.travel import open_loop, places_of
-from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.se2 import FloatArray
+from trailmark.trajectories import Path
 from trailmark.world import Robot, World
 
 __all__ = ["Course", "Divided", "divided", "planner_in"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from trailmark.arguments import Positive, PositiveOrInfinite, Probability, checked_fields
 from trailmark.errors import ConfigurationError
-from trailmark.robot import Robot
+from trailmark.world.robot import Robot
 
 __all__ = ["ExplorationSettings"]
 

@@ -10,9 +10,9 @@ from trailmark.collision import StateChecker
 from trailmark.collision.footprint import Footprint
 from trailmark.estimation.scans.clouds import relative
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
-from trailmark.path import Path
-from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, difference, interpolate, motion_bound, transform, wrap
+from trailmark.trajectories import Path
+from trailmark.world.robot import Robot
 
 __all__ = ["BACK", "PathFollower", "WayBack", "contact_points", "turned_around", "way_back", "way_back_to"]
 

@@ -14,12 +14,12 @@ from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import UNKNOWN_ID, KnownMap
 from trailmark.exploration.reachability import CERTAIN, NOWHERE, excluded_with
 from trailmark.exploration.survey import EXCLUDED, Memory, Survey
-from trailmark.goals import Goal
 from trailmark.planning.planner import LandmarkPlanner
-from trailmark.planning.proofs.enclosure import shut_off
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.warmup import warm_up
+from trailmark.proofs.enclosure import shut_off
 from trailmark.se2 import FloatArray
+from trailmark.world.goals import Goal
 
 __all__ = ["plan_to"]
 

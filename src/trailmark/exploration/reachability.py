@@ -12,8 +12,8 @@ from trailmark.collision.field import distance_transform
 from trailmark.collision.footprint import build_footprint
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.jit import callee, njit
-from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
+from trailmark.world.robot import Robot
 
 __all__ = ["CERTAIN", "NOWHERE", "Reach", "excluded_with"]
 

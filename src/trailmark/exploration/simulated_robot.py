@@ -19,9 +19,9 @@ from trailmark.estimation.filter.sensors import RangeBearing
 from trailmark.estimation.logs.records import Detection, Increment, Record
 from trailmark.estimation.simulation.simulator import Drive
 from trailmark.estimation.simulation.virtual_sensors import Detector, RayCaster, Scanner
-from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, compose, configurations, interpolate, wrap
 from trailmark.world import World
+from trailmark.world.robot import Robot
 
 __all__ = ["DriveReport", "ExploringRobot", "SimulatedRobot", "disc_detector", "laser_scanner"]
 

@@ -19,8 +19,8 @@ from trailmark.exploration.strategies import Outlook
 from trailmark.exploration.travel import Travel, expected_falls
 from trailmark.exploration.views import expected_areas, nearest_looks
 from trailmark.planning.planner import LandmarkPlanner
-from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
+from trailmark.world.robot import Robot
 
 __all__ = ["EXCLUDED", "Memory", "Survey", "survey"]
 

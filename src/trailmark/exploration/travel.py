@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from trailmark.exploration.mapper import Mapper
 from trailmark.exploration.reachability import CERTAIN, NOWHERE
 from trailmark.jit import njit
-from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
+from trailmark.world.robot import Robot
 
 __all__ = ["Travel", "costs_between", "expected_falls", "open_loop", "places_of"]
 

@@ -20,11 +20,11 @@ from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.known_map import UNKNOWN, KnownMap
 from trailmark.exploration.result import Evaluation
 from trailmark.exploration.simulated_robot import SimulatedRobot
-from trailmark.goals import Goal
 from trailmark.planning import LandmarkPlanner
-from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, compose, difference, interpolate
 from trailmark.world import World
+from trailmark.world.goals import Goal
+from trailmark.world.robot import Robot
 
 __all__ = ["VisibleArea", "evaluate", "reachable_places", "visible_area"]
 

@@ -36,7 +36,7 @@ class PathFile(NamedTuple):
         states: shape (n, 3), n >= 1, metres and radians, headings in (-pi, pi].
         headings: the largest heading as it was written, |theta| in radians: more than a full turn looks like degrees.
         curve: of a car's path that trailmark planned: ``kind``, ``turning_radius``, ``knots`` and ``places``
-            (:meth:`trailmark.curves.CurvePath.record`); None without.
+            (:meth:`trailmark.CurvePath.record`); None without.
     """
 
     states: FloatArray

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark.arguments import brief, number
 from trailmark.errors import WorldError
 from trailmark.shapes import LIMIT, LazyShapes, Polygon
-from trailmark.world import World
 
 if TYPE_CHECKING:
     from trailmark.formats.schema import GridEntry
@@ -28,12 +27,12 @@ __all__ = [
     "CellObstacles",
     "cells_of",
     "check_size",
+    "grid_fields",
     "grid_polygons",
     "grid_sides",
     "keeps_order",
     "packed_cells",
     "unpacked_cells",
-    "world_of_grid",
 ]
 
 MAX_CELLS = 64_000_000
@@ -248,14 +247,13 @@ class CellObstacles(LazyShapes):
         return grid_sides(self.occupied, self.cell, self.origin)
 
 
-def cells_of(world: World) -> CellObstacles | None:
-    """Return the cells that all obstacles of a world are, its axes along the world's; None where they are not."""
-    obstacles: object = world.obstacles
+def cells_of(obstacles: object) -> CellObstacles | None:
+    """Return the cells that all obstacles of a world are, their axes along the world's; None where they are not."""
     return obstacles if isinstance(obstacles, CellObstacles) and obstacles.upright else None
 
 
-def world_of_grid(cells: ArrayLike, resolution: float, origin: Sequence[float], name: str) -> World:
-    """Return the world of a grid; :meth:`trailmark.World.from_grid` describes the arguments.
+def grid_fields(cells: ArrayLike, resolution: float, origin: Sequence[float], name: str) -> dict[str, Any]:
+    """Return the arguments of a grid's :class:`trailmark.World`; its ``from_grid`` describes what is given.
 
     Obstacles are the cells that are not free, as polygons. Bounds are the grid's rectangle. If the origin has a yaw,
     the grid is turned about it; then the rectangle is the boundary, and the bounds are its box.
@@ -282,12 +280,13 @@ def world_of_grid(cells: ArrayLike, resolution: float, origin: Sequence[float], 
     obstacles = CellObstacles((grid != 0) | np.ma.getmaskarray(masked), cell, (x, y, yaw)).as_tuple()
     width, height = columns * cell, rows * cell
     if yaw == 0.0:
-        return World(name, (x, y, x + width, y + height), obstacles)
+        return {"name": name, "bounds": (x, y, x + width, y + height), "obstacles": obstacles}
     corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
     cos, sin = math.cos(yaw), math.sin(yaw)
     corners = np.array([x, y]) + corners @ np.array([[cos, sin], [-sin, cos]])
     (xmin, ymin), (xmax, ymax) = corners.min(axis=0), corners.max(axis=0)
-    return World(name, (xmin, ymin, xmax, ymax), obstacles, boundary=Polygon(corners))
+    bounds = (xmin, ymin, xmax, ymax)
+    return {"name": name, "bounds": bounds, "obstacles": obstacles, "boundary": Polygon(corners)}
 
 
 def packed_cells(cells: CellObstacles) -> dict[str, Any]:

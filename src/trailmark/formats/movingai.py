@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from trailmark.errors import FormatError, WorldError, expected_name
 from trailmark.formats.files import read_text
 from trailmark.formats.grid import CellObstacles, check_size
-from trailmark.world import Query, World
 
 __all__ = ["FREE", "Scenario", "parse_grid", "read_movingai", "read_scenarios", "scenario_query"]
 
@@ -52,8 +51,10 @@ class Scenario(NamedTuple):
     optimal_length: float
 
 
-def read_movingai(text: str, path: Path) -> World:
-    """Return the world of a ``.map``; the rows of ``NAME.map.scen`` or ``NAME.scen`` beside it are its queries.
+def read_movingai(text: str, path: Path) -> dict[str, Any]:
+    """Return the arguments of the :class:`trailmark.World` of a ``.map``, queries as arguments of theirs.
+
+    The rows of ``NAME.map.scen`` or ``NAME.scen`` beside it are its queries.
 
     A query's name is its row's number from 0 on, its headings are 0. Obstacles are the blocked cells as polygons.
 
@@ -71,7 +72,7 @@ def read_movingai(text: str, path: Path) -> World:
         obstacles = CellObstacles(~free[::-1]).as_tuple()
     except WorldError as error:
         raise FormatError(path, str(error)) from None
-    queries: tuple[Query, ...] = ()
+    queries: tuple[tuple[Any, ...], ...] = ()
     sources = [path.absolute()]
     for scen in (path.with_name(path.name + ".scen"), path.with_suffix(".scen")):
         if scen.exists():
@@ -80,7 +81,8 @@ def read_movingai(text: str, path: Path) -> World:
             sources.append(scen.absolute())
             break
     bounds = (0.0, 0.0, float(width), float(height))
-    return World(path.stem, bounds, obstacles, queries=queries, sources=tuple(sources))
+    fields = {"name": path.stem, "bounds": bounds, "obstacles": obstacles}
+    return {**fields, "queries": queries, "sources": tuple(sources)}
 
 
 def parse_grid(text: str, path: Path) -> NDArray[np.bool_]:
@@ -126,10 +128,10 @@ def read_scenarios(path: Path) -> list[Scenario]:
     return [row for _, row in _scenario_rows(path, None)]
 
 
-def scenario_query(row: Scenario, name: str) -> Query:
-    """Return the query of a row: from the middle of its start's cell to that of its goal's, at heading 0."""
+def scenario_query(row: Scenario, name: str) -> tuple[Any, ...]:
+    """Return a row's query as its arguments: from the middle of its start's cell to that of its goal's, heading 0."""
     (sx, sy), (gx, gy) = row.start, row.goal
-    return Query(name, (sx + 0.5, row.height - sy - 0.5, 0.0), (gx + 0.5, row.height - gy - 0.5, 0.0))
+    return (name, (sx + 0.5, row.height - sy - 0.5, 0.0), (gx + 0.5, row.height - gy - 0.5, 0.0))
 
 
 def _header(lines: list[str], path: Path) -> tuple[dict[str, int], int]:

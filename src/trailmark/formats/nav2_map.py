@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -18,11 +17,9 @@ from numpy.typing import NDArray
 from trailmark.arguments import Positive, checked_arguments, number
 from trailmark.errors import FormatError, WorldError, expected_name
 from trailmark.formats.files import read_text, write_atomically
-from trailmark.formats.grid import MAX_CELLS, check_size, grid_polygons, world_of_grid
+from trailmark.formats.grid import MAX_CELLS, check_size, grid_fields, grid_polygons
 from trailmark.formats.yaml_data import parse_yaml
-from trailmark.shapes import Shape
-from trailmark.world import World
-from trailmark.zones import KeepOutZone, SpeedZone, Zone
+from trailmark.shapes import Polygon, Shape
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -57,8 +54,8 @@ FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 _ROWS_AT_ONCE = 256  # bounds the memory for one image's brightness values
 
 
-def read_nav2_map(data: dict[str, Any], path: Path) -> World:
-    """Return the world of a nav2 map.
+def read_nav2_map(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return the arguments of a nav2 map's :class:`trailmark.World`.
 
     Obstacles are the cells that are not free, as polygons. Bounds are the map's rectangle. If the origin has a yaw,
     the map is turned about its origin; then the rectangle is the boundary, and the bounds are its box.
@@ -74,7 +71,7 @@ def read_nav2_map(data: dict[str, Any], path: Path) -> World:
     """
     file = _map_file(data, path)
     image = path.parent / file.image
-    return _world(image, file, path.stem, (path.absolute(), image.absolute()))
+    return _fields(image, file, path.stem, (path.absolute(), image.absolute()))
 
 
 def read_grid(data: dict[str, Any], path: Path) -> tuple[NDArray[np.bool_], MapFile]:
@@ -86,8 +83,8 @@ def read_grid(data: dict[str, Any], path: Path) -> tuple[NDArray[np.bool_], MapF
     return pixels_of(path.parent / file.image, lambda pixels: free_cells(pixels, file))[::-1], file
 
 
-def read_image(path: Path, fields: dict[str, Any]) -> World:
-    """Return the world of a map's image, whose nav2 map file would hold ``fields``; the origin's yaw may be left out.
+def read_image(path: Path, fields: dict[str, Any]) -> dict[str, Any]:
+    """Return those of a map's image, whose nav2 map file would hold ``fields``; the origin's yaw may be left out.
 
     Raises:
         FormatError: as :func:`read_nav2_map`.
@@ -95,7 +92,7 @@ def read_image(path: Path, fields: dict[str, Any]) -> World:
     origin = np.asarray(fields["origin"]).tolist()
     given = [*origin, 0.0] if isinstance(origin, list) and len(origin) == 2 else origin
     file = _map_file({**fields, "origin": given, "image": path.name}, path)
-    return _world(path, file, path.stem, (path.absolute(),))
+    return _fields(path, file, path.stem, (path.absolute(),))
 
 
 def _map_file(data: dict[str, Any], path: Path) -> MapFile:
@@ -104,13 +101,13 @@ def _map_file(data: dict[str, Any], path: Path) -> MapFile:
     return validate(MapFile, data, path)
 
 
-def _world(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> World:
+def _fields(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> dict[str, Any]:
     free = pixels_of(image, lambda pixels: free_cells(pixels, file))
     try:
-        world = world_of_grid(~free[::-1], file.resolution, file.origin, name)
+        fields = grid_fields(~free[::-1], file.resolution, file.origin, name)
     except WorldError as error:
         raise FormatError(image, str(error)) from None
-    return replace(world, sources=sources)
+    return {**fields, "sources": sources}
 
 
 def unknown_taken_for_free(sources: Sequence[Path]) -> str:
@@ -264,8 +261,8 @@ LETHAL = 100
 
 def read_mask(
     path: Path, kind: MaskKind, *, max_speed: float = 1.0, base: float = 100.0, multiplier: float = -1.0
-) -> tuple[tuple[Zone, ...], tuple[Path, ...]]:
-    """Return the zones of a mask, one for each region of cells of the same value, and the files that were read.
+) -> tuple[list[tuple[Polygon, float]], tuple[Path, ...]]:
+    """Return the regions of a mask's cells of the same value, each with its speed limit, and the files that were read.
 
     Cells of value 100 of a keep-out mask are kept out of. A cell of value v of a speed mask limits the speed to
     ``base + multiplier · v`` percent of ``max_speed``; where v is 0 or unknown, or that is not above 0 and at most 100,
@@ -295,7 +292,7 @@ def read_mask(
     image = path.parent / file.image
     values = pixels_of(image, lambda pixels: occupancy(pixels, file))[::-1]
     x, y, yaw = file.origin
-    zones: list[Zone] = []
+    zones = list[tuple[Polygon, float]]()
     try:
         for value in np.unique(values[values > 0]).tolist():
             percent = base + multiplier * value
@@ -303,15 +300,15 @@ def read_mask(
                 continue
             regions = grid_polygons(values == value, file.resolution, (x, y, yaw))
             limit = 0.01 * percent * fastest
-            zones += [KeepOutZone(region) if kind == "keep-out" else SpeedZone(region, limit) for region in regions]
+            zones += [(region, limit) for region in regions]
     except WorldError as error:
         raise FormatError(image, str(error)) from None
-    return tuple(zones), (path.absolute(), image.absolute())
+    return zones, (path.absolute(), image.absolute())
 
 
 @checked_arguments(WorldError)
-def save_nav2_map(world: World, path: str | Path, resolution: Positive = 0.05) -> tuple[Path, Path]:
-    """Write a world as a nav2 map.
+def save_nav2_map(world: Any, path: str | Path, resolution: Positive = 0.05) -> tuple[Path, Path]:
+    """Write a :class:`trailmark.World` as a nav2 map.
 
     A cell is occupied where an obstacle may touch it, unknown where the world says that nothing is known (obstacles
     without an estimate, in a world that has estimates) or that is outside of its boundary, else free.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from trailmark.errors import FormatError
 from trailmark.formats.collada import Mesh, read_collada
 from trailmark.shapes import Polygon
-from trailmark.world import Query, Robot, World
 
 if TYPE_CHECKING:
     import shapely
@@ -44,8 +43,8 @@ class _Entry(NamedTuple):
     line: int
 
 
-def read_cfg(text: str, path: Path) -> World:
-    """Return the world of an OMPL.app problem.
+def read_cfg(text: str, path: Path) -> dict[str, Any]:
+    """Return the arguments of the :class:`trailmark.World` of an OMPL.app problem.
 
     Obstacles are the world mesh, seen from above: the union of its faces, as polygons with holes. Faces seen edge-on
     that stand free get the thickness of :data:`SHEET` on both sides, so that no wall is lost. The robot is the outline
@@ -74,14 +73,14 @@ def read_cfg(text: str, path: Path) -> World:
     xmin, ymin, xmax, ymax = (numbers[key] for key in _VOLUME)
     name = problem["name"].value if "name" in problem else ""
     world, robot = (path.parent / problem[key].value for key in ("world", "robot"))
-    return World(
-        name=name or path.stem,
-        bounds=(xmin, ymin, xmax, ymax),
-        obstacles=_obstacles(world),
-        robot=_robot(robot),
-        queries=(Query(QUERY, (sx, sy, st), (gx, gy, gt)),),
-        sources=(path.absolute(), world.absolute(), robot.absolute()),
-    )
+    return {
+        "name": name or path.stem,
+        "bounds": (xmin, ymin, xmax, ymax),
+        "obstacles": _obstacles(world),
+        "robot": {"footprint": _footprint(robot)},
+        "queries": ((QUERY, (sx, sy, st), (gx, gy, gt)),),
+        "sources": (path.absolute(), world.absolute(), robot.absolute()),
+    }
 
 
 def _section(text: str, path: Path) -> dict[str, _Entry]:
@@ -123,12 +122,12 @@ def _obstacles(path: Path) -> tuple[Polygon, ...]:
     return tuple(Polygon(outline, tuple(holes)) for outline, *holes in rings)
 
 
-def _robot(path: Path) -> Robot:
+def _footprint(path: Path) -> Polygon:
     import shapely
 
     mesh = read_collada(path)
     outline = shapely.get_coordinates(_outline(_region(mesh), path))[:-1]
-    return Robot.polygon(outline - mesh.vertices[:, :2].mean(axis=0))
+    return Polygon(outline - mesh.vertices[:, :2].mean(axis=0))
 
 
 def _region(mesh: Mesh) -> shapely.Geometry:

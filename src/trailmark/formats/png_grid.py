@@ -12,7 +12,7 @@ ICRA 2023, https://github.com/marmotlab/ARiADNE (``env.py``).
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from trailmark.errors import FormatError, WorldError
 from trailmark.formats.grid import CellObstacles
 from trailmark.formats.nav2_map import pixels_of
-from trailmark.world import Query, World
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -34,8 +33,10 @@ _BRIGHTNESS = np.array([0.2125, 0.7154, 0.0721])
 """Of red, green and blue."""
 
 
-def read_png_grid(path: Path) -> World:
-    """Return the world of an image, with one query, ``start``: it begins, and ends, amid the start's block.
+def read_png_grid(path: Path) -> dict[str, Any]:
+    """Return the arguments of an image's :class:`trailmark.World`.
+
+    It has one query, ``start``: it begins, and ends, amid the start's block.
 
     Raises:
         FormatError: a damaged or too large image, or one in which no block, or more than one, marks the start.
@@ -56,7 +57,8 @@ def read_png_grid(path: Path) -> World:
         raise FormatError(path, str(error)) from None
     start = (float(column) + 0.5, float(row) + 0.5, 0.0)
     bounds = (0.0, 0.0, float(width), float(height))
-    return World(path.stem, bounds, obstacles, queries=(Query("start", start, start),), sources=(path.absolute(),))
+    fields = {"name": path.stem, "bounds": bounds, "obstacles": obstacles}
+    return {**fields, "queries": (("start", start, start),), "sources": (path.absolute(),)}
 
 
 def _brightness(image: Image) -> NDArray[np.uint8]:

@@ -21,8 +21,8 @@ from trailmark.errors import ConfigurationError
 from trailmark.live.connection import Connection
 from trailmark.live.messages import MAX_BYTES
 from trailmark.live.session import Session
-from trailmark.robot import Robot
 from trailmark.world import World
+from trailmark.world.robot import Robot
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette

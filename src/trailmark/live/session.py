@@ -13,14 +13,14 @@ import numpy as np
 
 from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError, WorldError
-from trailmark.goals import Query
 from trailmark.live.messages import Message
-from trailmark.robot import Robot
 from trailmark.world import World
+from trailmark.world.goals import Query
+from trailmark.world.robot import Robot
 
 if TYPE_CHECKING:
-    from trailmark.path import Path
     from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
+    from trailmark.trajectories import Path
 
 __all__ = ["Answer", "Session"]
 
@@ -89,7 +89,7 @@ class Session:
         """
         begin, fields, answer = perf_counter(), message.fields, {"type": message.type, "id": message.id}
         if message.type == "hello":
-            from trailmark.library import shipped_worlds
+            from trailmark.world.library import shipped_worlds
 
             self._tell(
                 {
@@ -110,13 +110,13 @@ class Session:
         elif message.type in ("plan", "replan"):
             self._plan(message, stop)
         elif message.type == "save":
-            from trailmark.formats.world_yaml import query_from_data, world_text
+            from trailmark.world.world_file import query_from_data, world_text
 
             query = query_from_data({"name": "live", **fields}, "save")
             self._tell({**answer, "text": world_text(replace(self._world, queries=(query,)))})
 
     def _described(self) -> Answer:
-        from trailmark.formats.world_yaml import world_data
+        from trailmark.world.world_file import world_data
 
         content = world_data(self._world)
         if not self._world.queries:
@@ -136,9 +136,9 @@ class Session:
     def _opened(self, fields: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the content of a shipped world, or of the text of a world file, which goes nowhere else."""
         from trailmark.errors import FormatError, expected_name
-        from trailmark.formats.world_yaml import world_data
         from trailmark.formats.yaml_data import parse_yaml
-        from trailmark.library import shipped_worlds
+        from trailmark.world.library import shipped_worlds
+        from trailmark.world.world_file import world_data
 
         if (name := fields.get("name")) is not None:
             shipped = shipped_worlds()
@@ -152,10 +152,10 @@ class Session:
         return {"world": data}
 
     def _replace_world(self, fields: Mapping[str, Any]) -> None:
-        from trailmark.formats.world_yaml import world_from_data
         from trailmark.planning import LandmarkPlanner
+        from trailmark.world.world_file import world_fields
 
-        world = world_from_data({"trailmark": 1, **fields["world"]}, FilePath("world"))
+        world = World(**world_fields({"trailmark": 1, **fields["world"]}, FilePath("world")))
         world = _named(replace(world, robot=world.robot or self._world.robot, sources=()))
         options = {name: fields[name] for name in ("clearance", "objective") if name in fields}
         # What cannot be planned in leaves the old world as it was.
@@ -165,7 +165,7 @@ class Session:
 
     def _edit(self, fields: Mapping[str, Any]) -> Answer:
         """Change obstacles, and return what an answer says of it."""
-        from trailmark.formats.world_yaml import obstacles_from_data
+        from trailmark.world.world_file import obstacles_from_data
 
         ids = {name for name in self._world.ids if name is not None}
         remove = [_named_as(name, ids, self._world, "remove") for name in fields.get("remove", [])]
@@ -187,7 +187,7 @@ class Session:
 
     def _plan(self, message: Message, stop: Event) -> None:
         """Plan, and tell of the first path at once, of better ones as they come, and of the end."""
-        from trailmark.formats.world_yaml import query_from_data
+        from trailmark.world.world_file import query_from_data
 
         fields = message.fields
         entry = {"name": "live", "start": fields["start"], "goal": fields["goal"]}

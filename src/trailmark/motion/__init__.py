@@ -5,9 +5,9 @@ from typing import Literal
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
 from trailmark.motion.motions import CurveMotion, DifferentialMotion, Motion, StraightMotion, TranslationMotion
-from trailmark.objective import Objective
 from trailmark.world import Robot, World
-from trailmark.zones import CostZone, OneWayZone
+from trailmark.world.objective import Objective
+from trailmark.world.zones import CostZone, OneWayZone
 
 __all__ = [
     "CurveMotion",

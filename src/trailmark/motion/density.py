@@ -23,9 +23,9 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.jit import array_callee, callee, njit
-from trailmark.objective import Objective
 from trailmark.se2 import FloatArray
-from trailmark.zones import CostZone, SpeedZone, Zone
+from trailmark.world.objective import Objective
+from trailmark.world.zones import CostZone, SpeedZone, Zone
 
 __all__ = ["Density", "build_density", "densities", "least_factor", "line_cost", "near_border", "sort_in_place"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from math import fabs, hypot, inf
 from typing import Any, ClassVar
 
@@ -12,16 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import FREE, UNDECIDED
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
 from trailmark.heading import turn
 from trailmark.motion import base
 from trailmark.motion.base import MotionModel
 from trailmark.motion.density import Density, build_density, least_factor
 from trailmark.motion.one_way import one_ways
-from trailmark.objective import Objective
-from trailmark.path import Path
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.world.objective import Objective
 
 __all__ = ["CurveMotion", "DifferentialMotion", "Motion", "StraightMotion", "TranslationMotion"]
 
@@ -35,7 +33,7 @@ UNWEIGHTED = build_density(Objective(), (), 0.0), one_ways(())
 """Density and one-way zones of motions that cost their length."""
 
 
-class Motion(ABC):
+class Motion:
     """One kind of motion of a robot in a world.
 
     Args:
@@ -192,9 +190,9 @@ class Motion(ABC):
         """Return straight lines, shape (l, 2, 2), metres, that show the motions from a to b, each of shape (n, 3)."""
         return np.stack([a[:, :2], b[:, :2]], axis=1)
 
-    @abstractmethod
-    def path(self, states: FloatArray) -> Path:
-        """Return the path over these states, shape (n, 3)."""
+    def driven(self, states: FloatArray) -> FloatArray:
+        """Return the states (m, 3) of the path over these states, shape (n, 3); for curves, they are its knots."""
+        return states
 
 
 class StraightMotion(Motion):
@@ -214,10 +212,6 @@ class StraightMotion(Motion):
         """
         known = super().reversible(a, b)
         return known & (np.abs(a[:, 2] - b[:, 2]) != np.pi) if self.turns else known
-
-    def path(self, states: FloatArray) -> Path:
-        """Return the path over these states, shape (n, 3)."""
-        return Path(states)
 
 
 class TranslationMotion(StraightMotion):
@@ -301,9 +295,9 @@ class DifferentialMotion(Motion):
         by[~self.motions_valid(np.repeat(q[None], headings, axis=0), turned)] = np.inf
         return turned[np.argmin(by)] if np.isfinite(by).any() else q
 
-    def path(self, states: FloatArray) -> Path:
-        """Return the path over these states, shape (n, 3), each of its pieces a turn in place or a drive ahead."""
-        return Path(np.asarray(base.driven(self.kind, np.array(states))))
+    def driven(self, states: FloatArray) -> FloatArray:
+        """Return the states (m, 3) of the path over these states, each of its pieces a turn in place or a drive."""
+        return np.asarray(base.driven(self.kind, np.array(states)))
 
 
 class CurveMotion(Motion):
@@ -367,7 +361,3 @@ class CurveMotion(Motion):
         along = self.steering.lengths(a, b)[:, None] * np.linspace(0.0, 1.0, DRAWN + 1)
         xy = self.steering.states(a, b, along)[..., :2]
         return np.stack([xy[:, :-1], xy[:, 1:]], axis=2).reshape(-1, 2, 2)
-
-    def path(self, states: FloatArray) -> CurvePath:
-        """Return the path over these knots, shape (n, 3)."""
-        return CurvePath(states, self.steering)

@@ -22,7 +22,7 @@ from trailmark.jit import array_callee, callee, njit
 from trailmark.motion.density import sort_in_place
 from trailmark.se2 import FloatArray
 from trailmark.touching import TOUCHING_TOLERANCE
-from trailmark.zones import OneWayZone, Zone
+from trailmark.world.zones import OneWayZone, Zone
 
 __all__ = ["DEPTH", "OneWays", "curve_allowed", "one_ways", "straight_allowed", "straight_valid"]
 

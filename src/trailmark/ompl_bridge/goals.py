@@ -9,8 +9,8 @@ from ompl import base as ob
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.goals import Goal
 from trailmark.ompl_bridge.states import configuration, write_state
+from trailmark.world.goals import Goal
 
 __all__ = ["goals_in", "is_one_state"]
 

@@ -17,7 +17,6 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from trailmark.curves import CurvePath
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import planning
@@ -25,7 +24,7 @@ from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.planners import set_parameters
 from trailmark.ompl_bridge.problem import SE2Problem
 from trailmark.ompl_bridge.states import path_to_ompl
-from trailmark.path import Path
+from trailmark.trajectories import CurvePath, Path
 
 __all__ = ["Measurement", "graph_size", "measure", "seed_ompl", "silence_ompl", "simplify"]
 

@@ -10,11 +10,11 @@ from ompl import base as ob
 from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
 from trailmark.motion import motion_of
-from trailmark.objective import Objective
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.guard import returns_on_error
 from trailmark.ompl_bridge.spaces import steering_of
 from trailmark.ompl_bridge.states import configuration
+from trailmark.world.objective import Objective
 
 __all__ = ["PathObjective"]
 

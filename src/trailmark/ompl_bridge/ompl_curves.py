@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from trailmark import se2
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.motion.pointwise import TIE, CurveMarks, PointwiseChecker
 from trailmark.ompl_bridge.states import configuration, state, states_of
 from trailmark.se2 import FloatArray
 from trailmark.touching import TOUCHING_TOLERANCE
+from trailmark.trajectories import CurvePath
 
 __all__ = ["OmplCurves", "followed_states"]
 

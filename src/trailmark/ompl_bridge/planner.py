@@ -14,12 +14,10 @@ from ompl import base as ob
 from trailmark import se2
 from trailmark.arguments import one_of, truth, whole
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import WorldError
-from trailmark.goals import Ends
 from trailmark.motion import kind_of
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.objective import Objective
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.errors import ObjectiveError
 from trailmark.ompl_bridge.goals import goals_in
@@ -29,12 +27,14 @@ from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.sparse_path import sparse_path
 from trailmark.ompl_bridge.states import path_to_ompl, starts_and_goal
-from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner as Planner
 from trailmark.planning import PlannerSettings, PlanProgress, PlanResult
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap
+from trailmark.trajectories import CurvePath, Path
 from trailmark.world import World
+from trailmark.world.goals import Ends
+from trailmark.world.objective import Objective
 
 __all__ = ["LandmarkPlanner"]
 

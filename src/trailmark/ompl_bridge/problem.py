@@ -12,7 +12,7 @@ from ompl import geometric as og
 from trailmark import se2
 from trailmark.arguments import brief, number, one_of, truth
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.motion import motion_of
 from trailmark.motion.one_way import straight_valid
@@ -22,7 +22,7 @@ from trailmark.ompl_bridge.ompl_curves import followed_states
 from trailmark.ompl_bridge.planners import planner_named
 from trailmark.ompl_bridge.spaces import space_for
 from trailmark.ompl_bridge.states import planner_data_graph, state, states_of
-from trailmark.path import Path
+from trailmark.trajectories import CurvePath, Path
 from trailmark.world import Query, Robot, World
 
 __all__ = ["SE2Problem", "simple_setup"]
@@ -127,7 +127,7 @@ class SE2Problem:
 
     @property
     def path(self) -> Path | None:
-        """The exact solution's path, or None; a car's is a :class:`trailmark.curves.CurvePath`.
+        """The exact solution's path, or None; a car's is a :class:`trailmark.CurvePath`.
 
         None too where motions are to be certified and one of its is not: PRM takes edges both ways, and no planner of
         OMPL's asks for the direction in which one-way zones are travelled.

@@ -10,7 +10,7 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from trailmark import se2
-from trailmark.path import Path
+from trailmark.trajectories import Path
 
 if TYPE_CHECKING:
     import networkx as nx

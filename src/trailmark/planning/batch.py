@@ -14,17 +14,18 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision.certify import BUDGET
 from trailmark.errors import ConfigurationError
-from trailmark.goals import Ends, Goal, goals_of
 from trailmark.planning.dispatch import plan_explained
 from trailmark.planning.model import WorldModel
 from trailmark.planning.pipeline import WORTH_SHORTENING
-from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Budget, Incumbent
 from trailmark.planning.result import PlanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shortening import shorten, without_needless
+from trailmark.proofs import LowerBound
 from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.se2 import FloatArray
+from trailmark.trajectories import path_of
+from trailmark.world.goals import Ends, Goal, goals_of
 
 __all__ = ["BatchSolver", "for_each", "plan_batch"]
 
@@ -105,7 +106,7 @@ class BatchSolver:
 
     def _tightest_place(self, states: FloatArray) -> FloatArray:
         """Return a disc x, y, radius (metres), shape (1, 3), around the place where a path's clearance is smallest."""
-        path = self.motion.path(states)
+        path = path_of(self.motion, states)
         places = path.resample(max(path.cost / PLACES, 1e-9)).states
         reach = self.checker.robot.circumradius
         clearance = np.asarray(self.checker.clearance(places, cap=4.0 * reach))

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.errors import ConfigurationError
-from trailmark.goals import Ends, ReachedGoal, goals_of
-from trailmark.path import Path
 from trailmark.planning.escape import plan_out_of_zones, way_out
 from trailmark.planning.goals import plan_to_goals
 from trailmark.planning.model import WorldModel, WorldModels, zones_at
@@ -23,6 +21,8 @@ from trailmark.planning.replanning import MIN_SECONDS, Replanner, ReplanOptions,
 from trailmark.planning.result import PlanResult, ReplanResult, Status
 from trailmark.planning.space_time import MovingObstacles, SpaceTimeReplanner
 from trailmark.se2 import FloatArray
+from trailmark.trajectories import Path, path_of
+from trailmark.world.goals import Ends, ReachedGoal, goals_of
 
 __all__ = ["plan_any", "plan_explained", "replan"]
 
@@ -223,14 +223,14 @@ def _replan_in(model: WorldModel, ends: FloatArray, path: Path, options: ReplanO
         return replace(rest, reason=f"{problem}; from where it is free: {rest.reason}", nearest=Path(out))
     motion = model.motion
     states = np.vstack([out, vertices_of(motion, rest.path)[1:]])
-    whole = motion.path(motion.whole_states(states, start, goal))
+    whole = path_of(motion, motion.whole_states(states, start, goal))
     return replace(
         rest,
         path=model.verification.followed_by_lines(whole, leaves=True),
         kept=False,
         lower_bound=None,
         min_clearance=0.0,
-        escape=len(motion.path(out)) - 1,
+        escape=len(path_of(motion, out)) - 1,
         reason=f"{problem}: the path leads out first",
     )
 

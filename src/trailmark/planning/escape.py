@@ -35,10 +35,11 @@ from trailmark.planning.query import Budget, Incumbent, OnProgress, vertices_of
 from trailmark.planning.result import PlanProgress, PlanResult
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon
+from trailmark.trajectories import path_of
 from trailmark.verify import PathAuditor
 from trailmark.verify.auditor import RISE
 from trailmark.world import World, keep_outs
-from trailmark.zones import KeepOutZone
+from trailmark.world.zones import KeepOutZone
 
 __all__ = ["plan_out_of_zones", "way_out", "ways_out_of_zones"]
 
@@ -114,7 +115,7 @@ def ways_out_of_zones(
         return np.array([each.at(states) for each in depths])
 
     def certified(rows: FloatArray) -> bool:
-        path = motion.path(rows)
+        path = path_of(motion, rows)
         return bool(others.motions_valid(rows[:-1], rows[1:]).all()) and auditor.audit(path).free
 
     # As far as the depth is, it is to go at least: what is not out yet waits for what is.
@@ -359,7 +360,7 @@ def plan_out_of_zones(
         world=model.checker.world,
         min_clearance=0.0,
     )
-    return answer, len(model.motion.path(out)) - 1
+    return answer, len(path_of(model.motion, out)) - 1
 
 
 def _without_paths(on_progress: OnProgress) -> OnProgress:

@@ -17,19 +17,19 @@ from numpy.typing import NDArray
 
 from trailmark.collision import kernels
 from trailmark.collision.footprint import build_footprint
-from trailmark.goals import Goal, ReachedGoal
 from trailmark.motion import Motion
-from trailmark.path import Path
-from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.model import Passed, WorldModel
 from trailmark.planning.pipeline import plan_single
-from trailmark.planning.proofs.claims import contradicted
-from trailmark.planning.proofs.prover import in_time
+from trailmark.planning.prover import in_time
 from trailmark.planning.query import Budget, Incumbent, OnProgress, report_error, vertices_of
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.shortening import shorten
-from trailmark.robot import Robot
+from trailmark.proofs.claims import contradicted
 from trailmark.se2 import FloatArray, transform, wrap
+from trailmark.search.cost_to_go import CostToGo
+from trailmark.trajectories import Path, path_of
+from trailmark.world.goals import Goal, ReachedGoal
+from trailmark.world.robot import Robot
 
 __all__ = ["GoalSearch", "plan_to_goals"]
 
@@ -406,7 +406,7 @@ class GoalSearch:
         total = cost + self.charges[i]
         if total >= self.cost:
             return True
-        path = self.motion.path(self.motion.whole_states(states, self.start, end))
+        path = path_of(self.motion, self.motion.whole_states(states, self.start, end))
         ends = np.array([self.start, end])
         if not self.goals[i].contains(path.states[-1]) or not self.model.verification.certified(path, ends):
             return False

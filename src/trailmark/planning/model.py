@@ -17,25 +17,25 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.changes import Change, Changes
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.formats.grid import CellObstacles, cells_of
 from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
 from trailmark.motion import Motion, motion_of
-from trailmark.objective import Objective
 from trailmark.planning.growth import SharedRoadmap
-from trailmark.planning.proofs import LowerBound, lower_bound_of
-from trailmark.planning.proofs.prover import in_time
+from trailmark.planning.prover import in_time
 from trailmark.planning.result import Update
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.verification import Verification
+from trailmark.proofs import LowerBound, lower_bound_of
 from trailmark.roadmap.revalidation import few_boxes
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World, keep_outs, with_keep_outs
-from trailmark.zones import KeepOutZone
+from trailmark.world.changes import Change, Changes
+from trailmark.world.objective import Objective
+from trailmark.world.zones import KeepOutZone
 
 __all__ = ["Boxes", "Passed", "WorldModel", "WorldModels", "zones_at"]
 
@@ -60,7 +60,7 @@ class Boxes(NamedTuple):
     @classmethod
     def between(cls, before: World, after: World) -> tuple[Boxes, int]:
         """Return the boxes for two worlds, and how many obstacles, or cells of a grid map, differ."""
-        old, new = cells_of(before), cells_of(after)
+        old, new = cells_of(before.obstacles), cells_of(after.obstacles)
         if old is not None and new is not None and old.covers_as(new):
             gone, come = old.occupied & ~new.occupied, new.occupied & ~old.occupied
             return cls(_boxes_of_cells(gone, old), _boxes_of_cells(come, old)), int(np.count_nonzero(gone | come))

@@ -13,19 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import k_means_landmarks, repair_centres
 from trailmark.landmarks.band import Band
 from trailmark.landmarks.paper import algorithm_2
-from trailmark.path import Path
-from trailmark.planning.hybrid_astar import Targets, drive_to, hybrid_astar
-from trailmark.planning.lattice.schedule import LatticeSchedule
-from trailmark.planning.proofs.prover import Prover
+from trailmark.planning.lattice_schedule import LatticeSchedule
+from trailmark.planning.prover import Prover
 from trailmark.planning.query import PROMISING, Incumbent, Query
 from trailmark.planning.verification import Verification
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
+from trailmark.search.hybrid_astar import Targets, drive_to, hybrid_astar
+from trailmark.trajectories import CurvePath, Path, path_of
 
 __all__ = [
     "DUPLICATE",
@@ -360,7 +359,7 @@ class Redriving:
         In rounds 1, 2, 4, 8, ... of improvement: it takes longer than all else does in one.
         """
         query, motion, states = self.query, self.query.motion, self.query.incumbent.states
-        path = None if states is None else motion.path(states)
+        path = None if states is None else path_of(motion, states)
         if states is None or not isinstance(path, CurvePath) or path.cusps < 2:
             return
         self._rounds += 1

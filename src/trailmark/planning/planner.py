@@ -10,26 +10,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.arguments import brief, callback, number, one_of, truth, whole
-from trailmark.changes import Changes
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, WorldError, as_raised
-from trailmark.goals import Ends
 from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
 from trailmark.motion import Motion
-from trailmark.objective import Objective
-from trailmark.path import Path
 from trailmark.planning.batch import plan_batch
 from trailmark.planning.dispatch import plan_explained, replan
 from trailmark.planning.model import WorldModel, WorldModels
-from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import GAP, Budget, OnProgress
 from trailmark.planning.replanning import ReplanOptions
 from trailmark.planning.result import PlanResult, ReplanResult, Update
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.warmup import Use, warm_up_for
+from trailmark.proofs import LowerBound
 from trailmark.roadmap import Roadmap
+from trailmark.trajectories import Path
 from trailmark.world import Robot, World
+from trailmark.world.changes import Changes
+from trailmark.world.goals import Ends
+from trailmark.world.objective import Objective
 
 __all__ = ["LandmarkPlanner"]
 
@@ -53,7 +53,7 @@ class LandmarkPlanner:
     computed.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
-    reverse, a path is a :class:`trailmark.curves.CurvePath`, and in tight places short drives lead on.
+    reverse, a path is a :class:`trailmark.CurvePath`, and in tight places short drives lead on.
 
     A planner can be pickled and copied: the copy knows what the planner knows, and goes on in the same way.
 

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trailmark.curves import CurvePath
 from trailmark.errors import InternalErrorWarning
-from trailmark.formats.world_yaml import world_text
 from trailmark.motion import Motion
-from trailmark.path import Path
-from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.result import PlanProgress
 from trailmark.planning.shortening import shorten
+from trailmark.proofs.claims import contradicted
 from trailmark.se2 import FloatArray
+from trailmark.trajectories import CurvePath, Path, path_of
+from trailmark.version import __version__
 from trailmark.world import Query as Named
 from trailmark.world import Robot, World
+from trailmark.world.world_file import world_text
 
 if TYPE_CHECKING:
     from trailmark.planning.model import WorldModel
@@ -124,7 +124,7 @@ class Incumbent:
         """Return the best path from start to goal; None before there is one."""
         if self.states is None:
             return None
-        return self.motion.path(self.motion.whole_states(self.states, self.start, self.goal))
+        return path_of(self.motion, self.motion.whole_states(self.states, self.start, self.goal))
 
     def offer(self, states: FloatArray) -> bool:
         """Keep a path if it costs less than the best so far; return whether it does."""
@@ -239,7 +239,7 @@ class Query:
         if self._on_progress is None:
             return
         incumbent, path = self.incumbent, self.incumbent.path()
-        near = None if incumbent.nearest is None or path is not None else self.motion.path(incumbent.nearest)
+        near = None if incumbent.nearest is None or path is not None else path_of(self.motion, incumbent.nearest)
         cost = None if path is None else incumbent.whole_cost
         seconds = perf_counter() - self.budget.begin
         self._on_progress(PlanProgress(seconds, phase, len(self.roadmap), cost, path, near))
@@ -262,8 +262,6 @@ def report_error(problem: str, world: World, robot: Robot, start: FloatArray, go
     Warns:
         InternalErrorWarning: the problem, in one line, and where the file is.
     """
-    from trailmark import __version__
-
     failed = Named("failed", tuple(map(float, start)), tuple(map(float, goal)))  # type: ignore[arg-type]  # three each
     notes = {"trailmark": __version__, "problem": problem, **details}
     text = "".join(f"# {key}: {json.dumps(value)}\n" for key, value in notes.items())

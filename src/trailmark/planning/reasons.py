@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import CONTACT, END_ZONE
-from trailmark.goals import Ends, Goal, goals_of
 from trailmark.planning.model import WorldModel, zones_at
-from trailmark.planning.proofs.enclosure import enclosure
-from trailmark.planning.proofs.region import MARGIN, local_origin, region_parts
 from trailmark.planning.query import Budget
 from trailmark.planning.result import PlanResult
+from trailmark.proofs.enclosure import enclosure
+from trailmark.proofs.region import MARGIN, local_origin, region_parts
 from trailmark.se2 import FloatArray, transform
 from trailmark.shapes import Disc
 from trailmark.world import Robot
+from trailmark.world.goals import Ends, Goal, goals_of
 
 __all__ = ["explained"]
 

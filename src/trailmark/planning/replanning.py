@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.motion import Motion
-from trailmark.path import Path
-from trailmark.planning.lattice.cost_to_go import CostToGo
-from trailmark.planning.lattice.schedule import LatticeSchedule
+from trailmark.planning.lattice_schedule import LatticeSchedule
 from trailmark.planning.model import Passed, WorldModel
 from trailmark.planning.pipeline import WORTH_SHORTENING, known_path, plan_single
 from trailmark.planning.query import Budget, Incumbent, vertices_of
@@ -26,6 +23,8 @@ from trailmark.planning.shortening import shorten
 from trailmark.roadmap.revalidation import edges_near
 from trailmark.roadmap.search import without_repetitions
 from trailmark.se2 import FloatArray
+from trailmark.search.cost_to_go import CostToGo
+from trailmark.trajectories import CurvePath, Path, path_of
 
 __all__ = ["MIN_SECONDS", "ReplanOptions", "Replanner", "Rest", "as_replan", "located", "rest_of"]
 
@@ -200,7 +199,7 @@ class Replanner:
         verification, vertices = self.model.verification, rest.vertices
         for i in np.flatnonzero(rest.checked).tolist():
             piece = vertices[i : i + 2]
-            if verification.verifier.fault(self.motion.path(piece), *piece) is not None:
+            if verification.verifier.fault(path_of(self.motion, piece), *piece) is not None:
                 return None
         self.model.passed = Passed(vertices, self.model.checker)
         incumbent = self._incumbent(vertices)
@@ -318,7 +317,7 @@ class Replanner:
         None if a is not valid, or b.
         """
         motion, checker = self.motion, self.model.checker
-        places = np.array(motion.path(np.array([a, b])).at(np.linspace(0.0, 1.0, PLACES + 1)))
+        places = np.array(path_of(motion, np.array([a, b])).at(np.linspace(0.0, 1.0, PLACES + 1)))
         places[0], places[-1] = a, b
         if reverse:
             places = places[::-1].copy()

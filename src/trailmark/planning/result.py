@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from trailmark.curves import CurvePath
-from trailmark.goals import ReachedGoal
-from trailmark.objective import Objective
-from trailmark.path import Path
 from trailmark.shown import Shown
+from trailmark.trajectories import CurvePath, Path
 from trailmark.world import Robot, World
+from trailmark.world.goals import ReachedGoal
+from trailmark.world.objective import Objective
 
 __all__ = ["PlanProgress", "PlanResult", "ReplanResult", "Status", "Update"]
 
@@ -44,7 +43,7 @@ class PlanResult(Shown):
 
     Attributes:
         status: ``solved``, ``timeout`` (no path within the limit) or ``infeasible`` (proven: there is none).
-        path: the path if solved, every motion of it certified; a car's is a :class:`~trailmark.curves.CurvePath`.
+        path: the path if solved, every motion of it certified; a car's is a :class:`~trailmark.CurvePath`.
         seed: what the planner was seeded with.
         lower_bound: proven lower bound (metres) on the cost of any valid path; None if infeasible.
         first_cost: cost (metres) of the first path found, before it was shortened; None if there is none.

@@ -1,7 +1,7 @@
 """Planning among moving obstacles: paths that pass before or behind them, certified in space and time.
 
 A robot of a stated speed is at cost c (:attr:`trailmark.Path.cost`) of its path at time c / speed. What stands is
-avoided as ever; of each moving obstacle (:class:`trailmark.moving.Moving`) the path is clear at each time up to the
+avoided as ever; of each moving obstacle (:class:`trailmark.Moving`) the path is clear at each time up to the
 obstacle's horizon, or until the robot arrives. Nothing is claimed beyond either. Where the path meets an obstacle, the
 robot gives way by short straight steps, sought in space and time, and goes on from there along the path among what
 stands.
@@ -26,14 +26,14 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision.footprint import Footprint
-from trailmark.moving import Moving
-from trailmark.path import Path
 from trailmark.planning.query import Incumbent, vertices_of
 from trailmark.planning.replanning import Replanner, Rest, as_replan, rest_of
 from trailmark.planning.result import ReplanResult
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
+from trailmark.trajectories import Path
 from trailmark.verify.advance import Close, Way, meetings
+from trailmark.world.moving import Moving
 
 __all__ = ["MovingObstacles", "SpaceTimeReplanner", "motions_clear", "path_clear", "state_clear"]
 

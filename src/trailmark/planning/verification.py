@@ -8,15 +8,14 @@ from time import perf_counter
 import numpy as np
 
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.motion import Motion
 from trailmark.motion.one_way import straight_valid
-from trailmark.path import Path
-from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.query import Incumbent, OnProgress, report_error, vertices_of
 from trailmark.planning.result import PlanProgress, PlanResult, Status
+from trailmark.proofs.claims import contradicted
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
+from trailmark.trajectories import CurvePath, Path, path_of
 from trailmark.verify import RIM, Verifier
 
 __all__ = ["Verification"]
@@ -121,7 +120,7 @@ class Verification:
         """Return the path that ends nearest to the goal, if one was found and it passes the final check."""
         if incumbent.nearest is None:
             return None
-        path = self.motion.path(incumbent.nearest)
+        path = path_of(self.motion, incumbent.nearest)
         certified = self.certified(path, np.array([incumbent.start, path.states[-1]]))
         return self.followed_by_lines(path) if certified else None
 

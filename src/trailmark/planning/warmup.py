@@ -17,12 +17,12 @@ import numpy as np
 from trailmark.formats.grid import cells_of
 from trailmark.jit import compiling, compiling_for
 from trailmark.motion import Kind, is_weighted, kind_of
-from trailmark.moving import Moving
-from trailmark.objective import Objective
-from trailmark.path import Path
 from trailmark.shapes import Disc, Rectangle
+from trailmark.trajectories import Path
 from trailmark.world import Robot, World, keep_outs
-from trailmark.zones import KeepOutZone, OneWayZone
+from trailmark.world.moving import Moving
+from trailmark.world.objective import Objective
+from trailmark.world.zones import KeepOutZone, OneWayZone
 
 if TYPE_CHECKING:
     from trailmark.planning.planner import LandmarkPlanner
@@ -117,7 +117,7 @@ def warm_up_for(robot: Robot, world: World, objective: Objective, use: Use = "pl
     """Run every kernel once that a use of the planner needs for a robot in a world, under an objective."""
     kind = kind_of(robot)
     warm_up(kind, use)
-    if cells_of(world) is not None:
+    if cells_of(world.obstacles) is not None:
         warm_up(kind, "grid")
     if keep_outs(world):
         warm_up(kind, "leaving")
@@ -211,8 +211,8 @@ def _pass_moving(kind: Kind, objective: str) -> None:
 
 def _plan_in_grid(kind: Kind, objective: str) -> None:
     """Plan in a grid map, with a guide and without."""
-    from trailmark.planning.grids.grid_tangents import GridTangents
     from trailmark.planning.planner import LandmarkPlanner
+    from trailmark.search.grid_tangents import GridTangents
 
     world = World.from_grid(np.eye(5, dtype=np.bool_)[::-1] & (np.arange(5) % 4 > 0), 1.0)
     start, goal = (0.5, 0.5, 0.0), (4.5, 4.5, 0.0)
@@ -248,8 +248,8 @@ def _certify(kind: Kind, objective: str) -> None:
 
 def _drive(kind: Kind, objective: str) -> None:
     """Search for a car's path by hybrid A*: which queries need it nobody knows beforehand."""
-    from trailmark.planning.hybrid_astar import hybrid_astar
     from trailmark.planning.planner import LandmarkPlanner
+    from trailmark.search.hybrid_astar import hybrid_astar
 
     world, (start, goal) = SMALL
     planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
@@ -282,7 +282,7 @@ def _shorten(kind: Kind, objective: str) -> None:
 
 def _bound(kind: Kind, objective: str) -> None:
     """Prove a lower bound."""
-    from trailmark.planning.proofs.bound import LowerBound
+    from trailmark.proofs.bound import LowerBound
 
     world, (start, goal) = SMALL
     LowerBound(world, ROBOTS[kind]).of(start, goal)
@@ -296,8 +296,8 @@ def _enclose(kind: Kind, objective: str) -> None:
     """Prove that there is no path: only what is hardly feasible, or not at all, asks for that."""
     from trailmark.collision import StateChecker
     from trailmark.landmarks import Relaxation
-    from trailmark.planning.proofs import enclosed
-    from trailmark.planning.proofs.claims import grid_separates
+    from trailmark.proofs import enclosed
+    from trailmark.proofs.claims import grid_separates
 
     world, ends = SHUT
     checker = StateChecker(world, ROBOTS["straight"])
@@ -309,7 +309,7 @@ def _enclose(kind: Kind, objective: str) -> None:
 def _shut_off(kind: Kind, objective: str) -> None:
     """Prove that a place cannot be reached."""
     from trailmark.collision import StateChecker
-    from trailmark.planning.proofs.enclosure import shut_off
+    from trailmark.proofs.enclosure import shut_off
 
     world, (here, there) = SHUT
     shut_off(StateChecker(world, ROBOTS["straight"]), here, there[:2], np.array([here[:2], there[:2]]))

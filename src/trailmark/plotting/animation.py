@@ -19,9 +19,8 @@ from trailmark.shown import GOAL, PATH, TEXT
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-    from trailmark.path import Path
     from trailmark.se2 import FloatArray
-    from trailmark.trajectories import Trajectory
+    from trailmark.trajectories import Path, Trajectory
     from trailmark.world import Robot, World
 
 __all__ = ["Frame", "save_animation", "save_trajectory_animation", "write_gif"]

@@ -24,9 +24,9 @@ from trailmark.world import Robot, World
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trailmark.path import Path
     from trailmark.planning import PlanResult
     from trailmark.roadmap import Roadmap
+    from trailmark.trajectories import Path
 
 __all__ = [
     "DPI",
@@ -281,7 +281,7 @@ def world_facts(world: World) -> str:
 
 def plan_facts(result: PlanResult, robot: Robot) -> str:
     """Return what a plan found in a line: cost, length, turning, time and robot."""
-    from trailmark.curves import CurvePath
+    from trailmark.trajectories import CurvePath
 
     seconds = f"{result.time.get('total') or math.nan:.3g} s"
     if result.path is not None:

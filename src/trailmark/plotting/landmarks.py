@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from trailmark.landmarks.executions import Execution
-    from trailmark.path import Path
     from trailmark.roadmap import Roadmap
+    from trailmark.trajectories import Path
     from trailmark.world import Query, Robot, World
 
 __all__ = ["draw_execution", "draw_initial_execution", "draw_landmarks", "save_landmarks_figure"]

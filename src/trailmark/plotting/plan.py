@@ -13,23 +13,23 @@ from matplotlib.colors import to_rgb
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from trailmark import se2
-from trailmark.goals import goals_of
 from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, plan_facts, points_per_metre, write
 from trailmark.plotting.world import draw_end, draw_goal, draw_world
 from trailmark.shown import ALL, BODY, CANDIDATE, COLLISION, EDGE, GOAL, LANDMARK, PATH, REPAIRED, START, TEXT, Layers
 from trailmark.verify.motions import Motions, merged
+from trailmark.world.goals import goals_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from trailmark.goals import Goal
-    from trailmark.path import Path
     from trailmark.planning import PlanResult
     from trailmark.roadmap import Roadmap
+    from trailmark.trajectories import Path
     from trailmark.verify import PathAudit
     from trailmark.world import Robot, World
+    from trailmark.world.goals import Goal
 
 __all__ = ["add_progress", "draw_audit", "draw_plan", "draw_progress", "save_audit_figure", "save_plan_figure"]
 

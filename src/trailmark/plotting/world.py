@@ -46,14 +46,14 @@ from trailmark.shown import (
     TEXT,
     Layers,
 )
-from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
+from trailmark.world.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trailmark.goals import Goal
-    from trailmark.moving import Moving
     from trailmark.world import Robot, World
+    from trailmark.world.goals import Goal
+    from trailmark.world.moving import Moving
 
 __all__ = ["draw_end", "draw_goal", "draw_queries", "draw_world", "draw_zones", "regions_of", "save_world_figure"]
 

@@ -16,11 +16,11 @@ from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
-from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.jit import njit
 from trailmark.motion import Motion
 from trailmark.motion.base import certified, charged, cost, extra, new_scratch
 from trailmark.se2 import FloatArray
+from trailmark.search.heap import heap_grow, heap_pop, heap_push
 
 __all__ = [
     "JOINED",

@@ -10,7 +10,7 @@ from typing import Any
 from trailmark import Objective, Robot, World
 from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError, expected_name
-from trailmark.zones import Zone
+from trailmark.world.zones import Zone
 
 __all__ = ["Settings"]
 

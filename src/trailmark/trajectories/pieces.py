@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import CONTACT
-from trailmark.curves import CurvePath
 from trailmark.motion.one_way import one_ways, straight_allowed
-from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.trajectories.curve_path import CurvePath
+from trailmark.trajectories.path import Path
 
 __all__ = [
     "FINER",

@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.motion.base import ALIGNED
-from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.trajectories.curve_path import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.trajectories.pieces import (
     STANDING,
     Pieces,

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
 from trailmark.motion import motion_of
-from trailmark.path import Path, fractions
 from trailmark.se2 import FloatArray
+from trailmark.trajectories.curve_path import CurvePath, path_of
+from trailmark.trajectories.path import Path, fractions
 from trailmark.trajectories.pieces import (
     FINER,
     Pieces,
@@ -165,7 +165,7 @@ def smoothed(path: Path, checker: StateChecker, max_curvature: float) -> SmoothP
     if isinstance(path, CurvePath):
         pieces = with_transitions(checker, path)
     else:
-        pieces = rounded(checker, motion.path(path.states), max_curvature)
+        pieces = rounded(checker, path_of(motion, path.states), max_curvature)
     rows = row_counts(pieces, checker.footprint.sweep_radius)
     near = (rows > 1) & ~(certified(checker, pieces) & one_way_respected(checker, pieces, 1))
     return SmoothPath(path.states[0], path.states[-1], pieces, np.where(near, FINER * rows, rows))

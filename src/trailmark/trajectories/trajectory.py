@@ -24,13 +24,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.arguments import number, number_array, one_of, whole
-from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
-from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.trajectories.curve_path import CurvePath
+from trailmark.trajectories.path import Path
 from trailmark.trajectories.pieces import Pieces, joined, pieces_of
 from trailmark.trajectories.smooth import SmoothPath
-from trailmark.zones import SpeedZone
+from trailmark.world.zones import SpeedZone
 
 __all__ = ["Limits", "TimeLaw", "Trajectory", "fastest", "timed"]
 
@@ -235,7 +235,7 @@ def fastest(
         pieces: of the path, n >= 1.
         moving: (n - 1,), whether the robot may pass a joint without a stop.
         limits: of the robot.
-        zones: of the world; speed limits of :class:`~trailmark.zones.SpeedZone` hold where the reference point is in
+        zones: of the world; speed limits of :class:`~trailmark.SpeedZone` hold where the reference point is in
             the zone, and for the last millimetre before it.
         rows: (n,), the least number of intervals on each curved piece; those of the limits if that is more.
         places: where intervals on curved pieces are to meet, metres along a car's path, rising; None for nowhere.

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark import se2
 from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
-from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.trajectories import CurvePath, Path
 from trailmark.verify.motions import Motions, merged
 from trailmark.verify.verifier import MISSED, Depths, Hit, Verifier
 from trailmark.world import BOUNDS_LIMIT, Robot, World, keep_outs
@@ -194,7 +193,7 @@ class PathAuditor:
 
         Args:
             path: straight motions between states, shape (n, 3), n >= 1, metres and radians, or a Path; of a
-                :class:`~trailmark.curves.CurvePath` the curves. At a single state the robot stands.
+                :class:`~trailmark.CurvePath` the curves. At a single state the robot stands.
 
         Raises:
             ConfigurationError: another shape, values that are not finite, or positions beyond 1e7 m.

@@ -13,12 +13,11 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.curves import CurvePath
-from trailmark.path import Path
 from trailmark.se2 import FloatArray
 from trailmark.touching import TOUCHING_TOLERANCE
+from trailmark.trajectories import CurvePath, Path
 from trailmark.verify.advance import Close, Way
-from trailmark.zones import OneWayZone, Zone
+from trailmark.world.zones import OneWayZone, Zone
 
 __all__ = ["Motions", "OneWayCheck", "WrongWay", "merged"]
 

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.formats.grid import CellObstacles, cells_of
-from trailmark.path import Path
 from trailmark.penetration import Penetration, bounds_depth, outside_of
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.touching import TOUCHING_TOLERANCE, eroded, overlap_core
+from trailmark.trajectories import Path
 from trailmark.verify.advance import Close, least_distance, meetings
 from trailmark.verify.motions import Motions, OneWayCheck, merged
 from trailmark.world import Robot, World
@@ -97,7 +97,7 @@ class Verifier:
             self._parts = [part for part in parts if not part.is_empty] or [robot.outline.shapely()]
             self._whole = closed(ring)
             self._body = np.concatenate([closed(ring) for part in self._parts for ring in _coordinates(part)])
-        cells = cells_of(world)
+        cells = cells_of(world.obstacles)
         self._index: EdgeIndex | CellIndex = EdgeIndex(world) if cells is None else CellIndex(world, cells)
         self.one_way = OneWayCheck(world.zones)
         self._last: tuple[Path, Motions] | None = None

@@ -20,8 +20,8 @@ from trailmark.benchmark.isolation.worker import Worker
 from trailmark.benchmark.native import native_program
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.status import Status
-from trailmark.path import Path
 from trailmark.shapes import Polygon
+from trailmark.trajectories.path import Path
 from trailmark.world import Query, Robot, World
 
 ROGUES = "tests.benchmark.rogues:"

@@ -18,8 +18,8 @@ from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker
-from trailmark.planning.lattice.cost_to_go import CostToGo
-from trailmark.planning.lattice.search import Lattice
+from trailmark.search.cost_to_go import CostToGo
+from trailmark.search.lattice import Lattice
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 

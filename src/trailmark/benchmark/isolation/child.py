@@ -20,9 +20,8 @@ from trailmark.benchmark.isolation.prepared import CountingChecker, Prepared
 from trailmark.benchmark.planner_name import PlannerName
 from trailmark.benchmark.planners import method_settings
 from trailmark.benchmark.status import Status
-from trailmark.curves import CurvePath
-from trailmark.path import Path
 from trailmark.planning.settings import METHODS
+from trailmark.trajectories import CurvePath, Path
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

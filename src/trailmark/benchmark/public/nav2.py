@@ -13,7 +13,6 @@ import numpy as np
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.public.base import Found, PublicSuite, files_below
 from trailmark.errors import FormatError
-from trailmark.formats import load_world
 from trailmark.formats.files import read_text
 from trailmark.formats.nav2_map import read_grid
 from trailmark.formats.yaml_data import parse_yaml
@@ -45,7 +44,7 @@ class Nav2(PublicSuite):
     def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
         """Return the map with pairs of ends for the robot."""
         robot = robot or Robot.disc(RADIUS)
-        made = load_world(file)  # refuses maps that are none
+        made = World.load(file)  # refuses maps that are none
         pairs = Places(file, robot).pairs(max(numbers) + 1)
         return replace(made, robot=robot, queries=tuple(Query(f"pair-{i}", *pairs[i]) for i in numbers))
 
@@ -194,6 +193,6 @@ class ExploreBench(PublicSuite):
     def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
         """Return the map with the start and goals for the robot."""
         robot = robot or Robot.polygon(BURGER)
-        made = load_world(file)  # refuses maps that are none
+        made = World.load(file)  # refuses maps that are none
         pairs = Places(file, robot).pairs(max(numbers) + 1, START)
         return replace(made, robot=robot, queries=tuple(Query(f"goal-{i}", *pairs[i]) for i in numbers))

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.public.base import Found, PublicSuite, files_below
 from trailmark.errors import FormatError
-from trailmark.formats import load_world
 from trailmark.formats.files import read_text
 from trailmark.formats.gazebo import read_gazebo_shapes
-from trailmark.formats.movingai import read_movingai, read_scenarios, scenario_query
-from trailmark.formats.nav2_map import read_image
+from trailmark.formats.movingai import read_scenarios, scenario_query
 from trailmark.world import Query, Robot, World
 
 __all__ = ["Barn", "Families", "MovingAI", "OmplApp"]
@@ -50,10 +49,10 @@ class MovingAI(PublicSuite):
         beside = file.with_name(_map_name(file))
         grid = beside if beside.is_file() else next(f for f in files_below(folder, ".map") if f.name.lower() == wanted)
         rows = read_scenarios(file)
-        made = read_movingai(read_text(grid), grid)
+        made = World.load(grid)
         if any((row.width, row.height) != made.bounds[2:] for row in rows):
             raise SuiteError(f"{file}: expected rows for {grid.name}, {made.bounds[2]:g} x {made.bounds[3]:g} cells")
-        queries = tuple(scenario_query(rows[i], f"bucket-{rows[i].bucket}-row-{i}") for i in numbers)
+        queries = tuple(Query(*scenario_query(rows[i], f"bucket-{rows[i].bucket}-row-{i}")) for i in numbers)
         sources = tuple(dict.fromkeys((*made.sources, file.absolute())))
         return replace(made, robot=robot or Robot.disc(CELL_RADIUS), queries=queries, sources=sources)
 
@@ -87,7 +86,7 @@ class OmplApp(PublicSuite):
 
     def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
         """Return the problem under its file's name, for several share one."""
-        made = load_world(file)
+        made = World.load(file)
         if made.robot is None:
             raise FormatError(file, "expected a robot's mesh, got none")
         return replace(made, name=file.stem, robot=robot or made.robot)
@@ -138,7 +137,7 @@ SIZE = 201
 PIXEL_RADIUS = 0.4
 """Metres: the pictures are planned on from pixel to pixel, and a pixel holds this robot."""
 
-PIXELS = {"resolution": 1.0, "origin": [0.0, 0.0, 0.0], "occupied_thresh": 0.5, "free_thresh": 0.5}
+PIXELS: dict[str, Any] = {"resolution": 1.0, "origin": [0.0, 0.0, 0.0], "occupied_thresh": 0.5, "free_thresh": 0.5}
 """Brighter than half is free, as ``planning_python`` reads them."""
 
 LOW_CORNER, HIGH_CORNER = (0.5, 0.5, 0.0), (SIZE - 0.5, SIZE - 0.5, 0.0)
@@ -160,7 +159,7 @@ class Families(PublicSuite):
 
     def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
         """Return the picture's world, named by family, part and number."""
-        made = read_image(file, PIXELS)
+        made = World.from_image(file, **PIXELS)
         if made.bounds[2:] != (SIZE, SIZE):
             raise FormatError(file, f"expected {SIZE} x {SIZE} pixels, got {made.bounds[2]:g} x {made.bounds[3]:g}")
         name = "-".join(file.absolute().parts[-3:-1]) + f"-{file.stem}"

@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 
 from trailmark.arguments import Probability, checked_arguments
-from trailmark.estimates import FRAMES, Frame
 from trailmark.estimation.errors import EstimationError, NotCertifiedError
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
@@ -31,6 +30,7 @@ from trailmark.estimation.risk.allocation import regrow
 from trailmark.estimation.scans.scan_poses import missing_odometry, scan_poses
 from trailmark.se2 import FloatArray, transform
 from trailmark.world import Query, Robot, World
+from trailmark.world.estimates import FRAMES, Frame
 
 __all__ = ["map_log"]
 

@@ -12,12 +12,12 @@ from trailmark.arguments import (
     Positive,
     checked_fields,
 )
-from trailmark.estimates import Frame
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
 from trailmark.estimation.scans.scan_features import ScanSettings
 from trailmark.estimation.slam.slam_result import SlamSettings
+from trailmark.world.estimates import Frame
 
 __all__ = ["MapSettings", "MappingSettings", "ObstacleSource", "PoseSource"]
 

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.arguments import Numbers, Probability, checked_arguments, shaped
-from trailmark.changes import Change, Changes, Obstacles, index_of
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.growth import Spread
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Shape
 from trailmark.world import ObstacleEstimate, RiskBound, World
+from trailmark.world.changes import Change, Changes, Obstacles, index_of
 
 __all__ = ["refined", "regrow"]
 
@@ -66,7 +66,7 @@ def regrow(
 def refined(world: World, estimates: Mapping[str | int, ObstacleEstimate]) -> World:
     """Return the world with some obstacles known better, or at all; the others stay as they are.
 
-    What changed is remembered as that of :meth:`trailmark.world.World.edited`. In a world that is grown for a risk,
+    What changed is remembered as that of :meth:`trailmark.World.edited`. In a world that is grown for a risk,
     those obstacles are grown anew, with the share of the risk that the estimate carries, else that of the one before.
 
     Args:

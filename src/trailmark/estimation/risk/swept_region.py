@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.robot import Robot
 from trailmark.se2 import difference, interpolate, transform
 from trailmark.shapes import triangulate
+from trailmark.world.robot import Robot
 
 __all__ = ["swept_region"]
 

@@ -1,1 +1,0 @@
-"""Weighted A* over lattices of configurations: first paths, and others that may lead around better."""

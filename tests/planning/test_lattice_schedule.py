@@ -1,0 +1,132 @@
+"""LatticeSchedule: searches from both ends, level by level, while there is time; other paths; what is not repeated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.support.trials import few
+
+from trailmark.collision import StateChecker
+from trailmark.motion import motion_of
+from trailmark.planning import LandmarkPlanner
+from trailmark.planning import lattice_schedule as schedule
+from trailmark.planning.lattice_schedule import LatticeSchedule
+from trailmark.search.lattice import Lattice
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+CAR = Robot.rectangle(1.0, 0.6)
+WALL = World("wall", (0, 0, 20, 20), (Rectangle((10.0, 11.0), 1.0, 12.0),))
+"""A wall with 5 m below it and 3 m above."""
+
+ACROSS = np.array([[5.0, 10.0, 0.0], [15.0, 10.0, 0.0]])
+
+
+def scheduled(checker: StateChecker, ends: FloatArray, cell: float = 0.5, seconds: float = math.inf) -> LatticeSchedule:
+    return LatticeSchedule(motion_of(checker), np.array(ends), cell, lambda: seconds)
+
+
+def cost(states: FloatArray) -> float:
+    return sum(
+        math.dist(a[:2], b[:2]) + 0.5 * abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
+        for a, b in pairwise(states)
+    )
+
+
+@pytest.mark.slow
+@settings(max_examples=few(20))
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    world=st.integers(0, 5),
+    seed=st.integers(0, 1000),
+    headings=st.sampled_from([None, (0.0, math.pi), (math.pi, 0.0), (math.pi / 2, -math.pi / 2), (math.pi, math.pi)]),
+)
+def test_paths_are_certified_and_repeatable(
+    judge: Judge, name: str, world: int, seed: int, headings: tuple[float, float] | None
+) -> None:
+    checker = StateChecker(
+        random_world(world, 30, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2), ROBOTS[name], cell=0.2
+    )
+    rng = np.random.default_rng(seed)
+    q = rng.uniform((0, 0, -math.pi), (24, 24, math.pi), (200, 3))
+    if name == "disc":
+        q[:, 2] = 0.0
+    elif headings is not None:
+        q[::2, 2], q[1::2, 2] = headings
+    valid = checker.valid(q)
+    assume(valid[::2].any() and valid[1::2].any())
+    ends = np.array([q[::2][valid[::2]][0], q[1::2][valid[1::2]][0]])
+
+    def searched() -> list[FloatArray]:
+        lattices, rng = scheduled(checker, ends, 0.8), np.random.default_rng(seed)
+        found = [lattices.first_path(3)]
+        for views in (0, len(schedule.VIEWS)):
+            lattices.views = views
+            found += [lattices.other_path(rng, 100.0) for _ in range(3)]
+        return found
+
+    for states, again in zip(searched(), searched(), strict=True):
+        assert np.array_equal(states, again)
+        if len(states):
+            judge(checker.world, checker.robot, *ends, states)
+            assert checker.motions_valid(states[:-1], states[1:]).all()
+
+
+def test_half_a_turn_on_the_way_back_is_another_motion(judge: Judge, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Beside a wall there is room to turn one way only: half a turn goes counter-clockwise, there and back.
+    robot = Robot.polygon([(-0.3, -0.3), (3.0, -0.3), (3.0, 0.3), (-0.3, 0.3)])
+    world = World("beside", (0, 0, 20, 20), (Rectangle((10.0, 3.9), 20.0, 1.0),))
+    checker = StateChecker(world, robot)
+    up, down = np.array([10.0, 5.0, 0.0]), np.array([10.0, 5.0, math.pi])
+    assert checker.motion_valid(up, down)
+    assert not checker.motion_valid(down, up)
+
+    class Turning(Lattice):
+        def find_path(self, start: FloatArray, goal: FloatArray, to_go: Any, **options: Any) -> tuple[FloatArray, int]:
+            return np.array([start, goal]), 2
+
+    monkeypatch.setattr(schedule, "Lattice", Turning)
+    # Forward it is taken as found; backward it would lead through the wall, and is dropped.
+    judge(world, robot, up, down, scheduled(checker, np.array([up, down])).first_path())
+    lattices = scheduled(checker, np.array([down, up]))
+    lattices.views = len(schedule.VIEWS)
+    assert len(lattices.other_path(np.random.default_rng(0), 100.0)) == 0
+
+
+def test_other_looks_find_other_ways_around(judge: Judge) -> None:
+    # Above, where the robot may pass, it is tighter and longer; below it is the shortest path.
+    checker = StateChecker(WALL, CAR)
+    lattices, rng = scheduled(checker, ACROSS), np.random.default_rng(0)
+    below = cost(np.array([ACROSS[0], [9.2, 4.5, 0.0], [10.8, 4.5, 0.0], ACROSS[1]]))
+    known = cost(np.array([ACROSS[0], [9.2, 17.5, 0.0], [10.8, 17.5, 0.0], ACROSS[1]]))
+    costs = []
+    for _ in range(2 * len(schedule.VIEWS) + 2):
+        states = lattices.other_path(rng, known)
+        assert len(states)
+        costs.append(judge(WALL, CAR, ACROSS[0], ACROSS[1], states))
+        assert costs[-1] <= schedule.DETOUR * known + 1e-6
+    # Better than the way that is known, by going around the other side.
+    assert 0.9 * below < min(costs) < 1.05 * below < known
+    # What is shorter than any way there is keeps the search from all of them.
+    assert len(lattices.other_path(rng, 0.7 * below)) == 0
+
+
+def test_a_lattice_search_that_is_stopped_ends_the_planning_in_order() -> None:
+    stops = iter([False] * 3)
+    found = LandmarkPlanner(WALL, CAR, seed=0).plan(ACROSS[0], ACROSS[1], 20.0, stop=lambda: next(stops, True))
+    assert found.status in ("solved", "timeout"), found.status
+    none = LandmarkPlanner(WALL, CAR, seed=0).plan(ACROSS[0], ACROSS[1], 20.0, stop=lambda: True)
+    assert none.status == "timeout"
+    assert none.path is None
