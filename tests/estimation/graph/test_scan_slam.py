@@ -103,8 +103,8 @@ def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     assert np.allclose(found.covariances, found.covariances.transpose(0, 2, 1))
     sigma = np.sqrt(found.covariances[:, 0, 0] + found.covariances[:, 1, 1])
     assert (np.hypot(*off.T) <= 3.0 * sigma).mean() > 0.99
-    # And no larger than they need be.
-    assert sigma.max() < 0.2
+    # And of the errors' size: settings for any log take the scans to scatter more than these do.
+    assert 0.3 < np.sqrt((sigma**2).mean() / (off**2).sum(axis=1).mean()) < 3.0
 
 
 def test_scans_that_show_nothing_leave_odometry() -> None:

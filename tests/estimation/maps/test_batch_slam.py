@@ -25,11 +25,12 @@ from trailmark.estimation import (
     map_log,
     simulate,
 )
+from trailmark.estimation.filter.consistency import nees
 from trailmark.estimation.graph.batch import Batch
 from trailmark.estimation.graph.odometry import OdometryTrack, polar_readings
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.mapped_log import MappedLog
-from trailmark.se2 import compose
+from trailmark.se2 import compose, wrap
 from trailmark.shapes import Disc
 from trailmark.world import World
 
@@ -232,13 +233,28 @@ def test_names_misread_at_first_sight() -> None:
 
 
 @pytest.mark.slow
-def test_obstacles_are_as_uncertain_as_the_map_is_by_itself() -> None:
-    mapped = smoothed()
-    assert mapped.slam is not None
-    assert mapped.batch is not None
-    whole = np.mean([np.trace(f.covariance) for f in mapped.slam.features])
-    by_itself = np.mean([np.trace(e.covariance) for e in mapped.world.estimates if e is not None])
-    assert by_itself < 0.5 * whole
+def test_landmarks_and_poses_are_as_wrong_as_their_covariances_say() -> None:
+    """NEES by its expectation: of landmarks in the map's own frame, of landmarks and poses in the start's."""
+    found = []
+    for seed in trials(8, of=2):
+        truth = np.array([record[:4] for record in log(seed).records if isinstance(record, Pose)])
+        mapped = map_log(log(seed), replace(RIGHT, start=tuple(truth[0, 1:].tolist()), frame="map"))
+        assert mapped.slam is not None
+        features, rows = mapped.slam.features, mapped.trajectory[10::20]
+        places = np.array([POSTS[f.identity] for f in features if f.identity is not None])
+        means = np.array([f.mean for f in features])
+        motion = aligned(means, places)
+        within = nees((motion(means) - places) @ motion.R, [e.covariance for e in mapped.world.estimates if e])
+        whole = nees(means - places, [f.covariance for f in features])
+        true = [np.interp(rows[:, 0], truth[:, 0], column) for column in np.unwrap(truth[:, 1:], axis=0).T]
+        off = rows[:, 1:] - np.column_stack(true)
+        off[:, 2] = wrap(off[:, 2])
+        found.append([within.mean() / 2.0, whole.mean() / 2.0, nees(off, mapped.slam.covariances[10::20]).mean() / 3.0])
+    within_map, of_landmarks, of_poses = np.mean(found, axis=0)
+    assert 0.6 < within_map < 1.6
+    # What is the same in all of a log, its heading most of all, averages over logs alone.
+    assert 0.3 < of_landmarks < 2.5
+    assert 0.3 < of_poses < 2.5
 
 
 @pytest.mark.parametrize(
