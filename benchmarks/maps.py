@@ -26,11 +26,11 @@ from benchmarks.problems import data_folder
 from benchmarks.report import Claim, keep
 from trailmark import World
 from trailmark.estimation import EkfSlam, MapSettings, RangeBearing, Unicycle, map_log
-from trailmark.estimation.filter.consistency import average, nees
-from trailmark.estimation.logs import load_log
-from trailmark.estimation.logs.records import Pose
-from trailmark.estimation.simulation.simulator import simulate
-from trailmark.estimation.simulation.virtual_sensors import Detector
+from trailmark.estimation.covariance import average, nees
+from trailmark.estimation.readers import load_log
+from trailmark.estimation.records import Pose
+from trailmark.estimation.simulation import simulate
+from trailmark.estimation.virtual_sensors import Detector
 from trailmark.se2 import wrap
 from trailmark.shapes import Disc
 

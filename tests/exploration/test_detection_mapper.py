@@ -14,11 +14,11 @@ from tests.support.trials import trials
 
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import load_log, map_log
-from trailmark.estimation.filter.sensors import RangeBearing
-from trailmark.estimation.logs.jsonl import write_jsonl
-from trailmark.estimation.logs.records import Detection, Log
-from trailmark.estimation.scans.clouds import relative
-from trailmark.estimation.simulation.virtual_sensors import Detector
+from trailmark.estimation.models import RangeBearing
+from trailmark.estimation.readers.jsonl import write_jsonl
+from trailmark.estimation.records import Detection, Log
+from trailmark.estimation.scan_matching import relative
+from trailmark.estimation.virtual_sensors import Detector
 from trailmark.exploration.detection_mapper import DetectionMapper
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap

@@ -13,9 +13,9 @@ from tests.support.exploration_faults import Fault, Faulty, Impossible, frozen_o
 from tests.support.trials import trials
 
 from trailmark.estimation import load_log, map_log
-from trailmark.estimation.logs.jsonl import write_jsonl
-from trailmark.estimation.logs.records import Log, Pose, Scan
-from trailmark.estimation.scans.clouds import relative
+from trailmark.estimation.readers.jsonl import write_jsonl
+from trailmark.estimation.records import Log, Pose, Scan
+from trailmark.estimation.scan_matching import relative
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, UNKNOWN, KnownMap
 from trailmark.exploration.mapper import Intake

@@ -24,8 +24,8 @@ from trailmark.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from trailmark.estimation.logs.records import Log
-    from trailmark.estimation.maps.mapped_log import MappedLog
+    from trailmark.estimation.mapped_log import MappedLog
+    from trailmark.estimation.records import Log
 
 __all__ = ["map_log"]
 
@@ -123,8 +123,8 @@ def map_log(
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
         from trailmark.estimation.errors import NotCertifiedError
-        from trailmark.estimation.logs import load_log, log_files
-        from trailmark.estimation.maps.log_map import map_log as map_records
+        from trailmark.estimation.mapping import map_log as map_records
+        from trailmark.estimation.readers import load_log, log_files
         from trailmark.formats.nav2_map import save_nav2_map
         from trailmark.formats.path_files import write_tum
 

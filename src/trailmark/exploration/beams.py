@@ -10,7 +10,7 @@ from math import cos, hypot, pi, sin
 from typing import Final
 
 from trailmark.compiled import njit
-from trailmark.estimation.maps.cell_walk import first_step
+from trailmark.estimation.grid import first_step
 from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, OCTAVE, SEEN, TILE, TOUCHED, UNKNOWN, level_of
 from trailmark.exploration.surfaces import enter_surfaces
 

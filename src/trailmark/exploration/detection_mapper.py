@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import ConfigurationError
-from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.filter.sensors import SensorModel
-from trailmark.estimation.logs.records import Detection, Increment, Log, Pose, Record
-from trailmark.estimation.maps.log_map import map_log
-from trailmark.estimation.maps.map_settings import MapSettings
-from trailmark.estimation.scans.clouds import relative
-from trailmark.estimation.simulation.virtual_sensors import Detector, RayCaster
-from trailmark.estimation.slam.ekf_slam import EkfSlam
-from trailmark.estimation.slam.slam_result import AssociationMethod, MapFeature
+from trailmark.estimation.association import AssociationMethod
+from trailmark.estimation.covariance import chi_square_quantile
+from trailmark.estimation.ekf_slam import EkfSlam, MapFeature
+from trailmark.estimation.map_settings import MapSettings
+from trailmark.estimation.mapping import map_log
+from trailmark.estimation.models import SensorModel
+from trailmark.estimation.records import Detection, Increment, Log, Pose, Record
+from trailmark.estimation.scan_matching import relative
+from trailmark.estimation.virtual_sensors import Detector, RayCaster
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import (
     FREE,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import Footprint
-from trailmark.estimation.scans.clouds import relative
+from trailmark.estimation.scan_matching import relative
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.path import Path
 from trailmark.robot import Robot

@@ -9,7 +9,7 @@ from math import atan2, ceil, cos, floor, hypot, pi, sin
 from typing import Final
 
 from trailmark.compiled import njit
-from trailmark.estimation.maps.cell_walk import first_step
+from trailmark.estimation.grid import first_step
 from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, OCTAVE, TILE, level_of
 
 __all__ = ["enter_surfaces"]

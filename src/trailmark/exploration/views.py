@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
-from trailmark.estimation.maps.cell_walk import first_step
+from trailmark.estimation.grid import first_step
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.se2 import FloatArray
 
