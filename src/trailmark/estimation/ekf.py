@@ -1,14 +1,14 @@
 # ruff: noqa: N802, N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""Point features refined from range-bearing readings by the EKF: the first step of the source method's Algorithm 2.
+"""The extended Kalman filter as it was published, run by filterpy: the first step of the source method's Algorithm 2.
 
-The filter is filterpy's. Its state holds the positions (x, y) of some features, which stand: F is the identity, and
-W Q Wᵀ, which a prediction adds to P, is 0. The poses of the readings are known here, and of which feature each is. The
-first reading places a feature (the sensor's inverse), every further one is an update with V R Vᵀ as its noise.
+Its state holds the places (x, y) of some features, which stand: F is the identity, and W Q Wᵀ, which a prediction adds
+to P, is 0. The poses of the readings are known here, and of which feature each is. The first reading places a feature
+(the sensor's inverse), every further one is filterpy's update with V R Vᵀ as its noise.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +17,6 @@ from trailmark.checked import Numbers, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.models import RangeBearing
 from trailmark.se2 import FloatArray
-
-if TYPE_CHECKING:
-    pass
-
 
 Readings = Annotated[ArrayLike, shaped(None, 2, minimum=1)]
 ReadingsOfMany = Annotated[ArrayLike, shaped(None, None, 2)]
@@ -31,10 +27,8 @@ GROUP = 32  # Features in the state of one filter, at most: an update costs the 
 class RefinedPoints(NamedTuple):
     """Point features, each estimated by itself."""
 
-    points: FloatArray
-    """Positions in the world, shape (b, 2), metres."""
-    covariances: FloatArray
-    """Shape (b, 2, 2), square metres."""
+    points: FloatArray  # places in the world, shape (b, 2), metres
+    covariances: FloatArray  # shape (b, 2, 2), square metres
 
 
 @checked_arguments(EstimationError)
@@ -69,7 +63,7 @@ def _refined(z: FloatArray, x: FloatArray, sensor: RangeBearing) -> RefinedPoint
         return sensor.h(pose, x.reshape(b, 2)).reshape(-1)
 
     def H(x: FloatArray, pose: FloatArray) -> FloatArray:
-        return _diagonal(sensor.H_feature(pose, x.reshape(b, 2)))
+        return _diagonal(sensor.linearised(pose, x.reshape(b, 2)).H_feature)
 
     def residual(z: FloatArray, z_hat: FloatArray) -> FloatArray:
         return sensor.residual(z.reshape(b, 2), z_hat.reshape(b, 2)).reshape(-1)

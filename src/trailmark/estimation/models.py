@@ -1,13 +1,8 @@
 # ruff: noqa: E741, N802, N803, N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""Motion models x' = f(x, u, w), w ~ N(0, Q), with their Jacobians.
+"""Motion models x' = f(x, u, w), w ~ N(0, Q), and sensor models z = h(x, l, v), v ~ N(0, R), with their Jacobians.
 
-x is the robot's pose (x, y, theta), u what its odometry says, and w the noise of that, which enters f as it likes.
-All functions but Q broadcast over leading dimensions.
-
-Sensor models: range and bearing, or x and y, of points.
-
-Range and bearing, and the inverse that starts a feature from its first reading, are those of Thrun, Burgard & Fox
-2005, Probabilistic Robotics, sections 6.6 and 10.2.
+x is the robot's pose (x, y, theta), u what its odometry says, l = (x, y) a point; the noises w and v enter f and h as
+they like. The models are those of Thrun, Burgard & Fox 2005, Probabilistic Robotics, sections 5.3, 6.6 and 10.2.
 """
 
 from __future__ import annotations
@@ -29,40 +24,29 @@ from trailmark.se2 import FloatArray, compose, wrap
 class Step(NamedTuple):
     """A motion, linearised."""
 
-    pose: FloatArray  # f(x, u, 0), shape (3,).
-    F: FloatArray  # ∂f/∂x, shape (3, 3).
-    W: FloatArray  # ∂f/∂w, shape (3, q).
+    pose: FloatArray  # f(x, u, 0), shape (3,)
+    F: FloatArray  # ∂f/∂x, shape (3, 3)
+    W: FloatArray  # ∂f/∂w, shape (3, q)
 
 
 @runtime_checkable
 class MotionModel(Protocol):
-    """A motion with p numbers of odometry and q of noise.
-
-    Subclass it, with f, Q, and either :meth:`step` or F and W, to get the others.
-    """
+    """A motion with three numbers of odometry and q of noise; subclass it, with f, Q and step."""
 
     def f(self, x: ArrayLike, u: ArrayLike, w: ArrayLike | None = None) -> FloatArray:
-        """Return the next pose, shape (..., 3), from x (..., 3), u (..., p) and w (..., q); w None stands for 0."""
+        """Return the next pose, shape (..., 3), from x (..., 3), u (..., 3) and w (..., q); w None stands for 0."""
         ...
 
-    def F(self, x: ArrayLike, u: ArrayLike) -> FloatArray:
-        """Return ∂f/∂x at w = 0, shape (..., 3, 3)."""
-        return np.asarray(np.vectorize(lambda *pair: self.step(*pair).F, signature="(n),(p)->(n,n)")(x, u))
-
-    def W(self, x: ArrayLike, u: ArrayLike) -> FloatArray:
-        """Return ∂f/∂w at w = 0, shape (..., 3, q)."""
-        return np.asarray(np.vectorize(lambda *pair: self.step(*pair).W, signature="(n),(p)->(n,q)")(x, u))
-
     def Q(self, u: ArrayLike) -> FloatArray:
-        """Return the covariance of w in the step u, shape (p,): shape (q, q)."""
+        """Return the covariance of w in the step u, shape (3,): shape (q, q)."""
         ...
 
     def step(self, x: FloatArray, u: FloatArray) -> Step:
-        """Return one pose's step, x of shape (3,) and u of shape (p,): what the filter calls, once per record."""
-        return Step(self.f(x, u), self.F(x, u), self.W(x, u))
+        """Return one pose's step at w = 0, x and u of shape (3,): what the filter calls, once per record."""
+        ...
 
     def sample(self, x: ArrayLike, u: ArrayLike, rng: np.random.Generator) -> FloatArray:
-        """Return simulated next poses, shape (..., 3), of the step u (p,) from x (..., 3): f with w from N(0, Q)."""
+        """Return simulated next poses, shape (..., 3), of the step u from x (..., 3): f with w from N(0, Q)."""
         return self.f(x, u, draw_noise(self.Q(u), np.shape(x)[:-1], rng))
 
 
@@ -71,8 +55,7 @@ class Unicycle(MotionModel):
     """Velocities held over a time step: the robot drives an exact arc, straight ahead where ω = 0.
 
     u = (v, ω, dt): forward velocity (m/s), angular velocity (rad/s), seconds. w = (w_v, w_ω) is added to v and ω.
-    The velocity motion model of Thrun, Burgard & Fox 2005, Probabilistic Robotics, section 5.3, without its third
-    noise (of the final heading). The variances are
+    The book's velocity motion model without its third noise (of the final heading). The variances are
 
         Var w_v = σ_v² + α₁·v² + α₂·ω²,   Var w_ω = σ_ω² + α₃·v² + α₄·ω².
 
@@ -107,23 +90,15 @@ class Unicycle(MotionModel):
             v, omega = v + noise[..., 0], omega + noise[..., 1]
         half = 0.5 * omega * dt
         chord, direction = v * dt * np.sinc(half / np.pi), pose[..., 2] + half
-        ahead = (
-            pose[..., 0] + chord * np.cos(direction),
-            pose[..., 1] + chord * np.sin(direction),
-            wrap(direction + half),
-        )
-        return np.stack(np.broadcast_arrays(*ahead), axis=-1)
+        x, y = pose[..., 0] + chord * np.cos(direction), pose[..., 1] + chord * np.sin(direction)
+        return np.stack(np.broadcast_arrays(x, y, wrap(direction + half)), axis=-1)
 
     def Q(self, u: ArrayLike) -> FloatArray:
         """Return diag(Var w_v, Var w_ω), shape (2, 2)."""
         v, omega, dt = (float(number) for number in np.asarray(u, dtype=np.float64))
         a = self.alpha
-        variances = np.array(
-            [
-                self.sigma_v**2 + a[0] * v**2 + a[1] * omega**2,
-                self.sigma_omega**2 + a[2] * v**2 + a[3] * omega**2,
-            ]
-        )
+        of_v, of_omega = a[0] * v**2 + a[1] * omega**2, a[2] * v**2 + a[3] * omega**2
+        variances = np.array([self.sigma_v**2 + of_v, self.sigma_omega**2 + of_omega])
         if self.period is not None:
             # Over no time there is no motion, whatever its velocity.
             variances *= self.period / dt if dt > 0.0 else 0.0
@@ -142,16 +117,11 @@ class Unicycle(MotionModel):
         # A turn changes the chord's length by sinc' and its direction by half of itself.
         along, across, shorter = dt * sinc, 0.5 * drive * sinc * dt, 0.5 * drive * dt * slope
         dx, dy = drive * sinc * cos, drive * sinc * sin
+        dx_turned, dy_turned = shorter * cos - across * sin, shorter * sin + across * cos
         return Step(
             np.array([px + dx, py + dy, wrap(theta + omega * dt)]),
             np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]]),
-            np.array(
-                [
-                    [along * cos, shorter * cos - across * sin],
-                    [along * sin, shorter * sin + across * cos],
-                    [0.0, dt],
-                ]
-            ),
+            np.array([[along * cos, dx_turned], [along * sin, dy_turned], [0.0, dt]]),
         )
 
 
@@ -216,30 +186,27 @@ NEAREST = 1e-9
 class Inverse(NamedTuple):
     """A feature as one reading shows it, and how it depends on pose and reading."""
 
-    feature: FloatArray  # l, shape (..., d).
-    G_pose: FloatArray  # ∂l/∂x, shape (..., d, 3).
-    G_z: FloatArray  # ∂l/∂z, shape (..., d, m).
+    feature: FloatArray  # l, shape (..., 2)
+    G_pose: FloatArray  # ∂l/∂x, shape (..., 2, 3)
+    G_z: FloatArray  # ∂l/∂z, shape (..., 2, m)
 
 
 class Linearised(NamedTuple):
     """The readings of features, and how they depend on pose and features."""
 
-    z_hat: FloatArray  # h(x, l, 0), shape (..., m).
-    H_pose: FloatArray  # ∂h/∂x, shape (..., m, 3).
-    H_feature: FloatArray  # ∂h/∂l, shape (..., m, d).
+    z_hat: FloatArray  # h(x, l, 0), shape (..., m)
+    H_pose: FloatArray  # ∂h/∂x, shape (..., m, 3)
+    H_feature: FloatArray  # ∂h/∂l, shape (..., m, 2)
 
 
 @runtime_checkable
 class SensorModel(Protocol):
-    """A sensor that reads m numbers of a feature of d numbers, with noise of as many as R has rows.
+    """A sensor that reads m numbers of a point, with noise of as many as R has rows; all but R broadcast.
 
-    Subclass it, with either :meth:`linearised` or H_pose and H_feature, to get the others.
+    Subclass it, with all that has no body here, to get the others.
     """
 
-    feature_dim: ClassVar[int]
-    """d."""
-    reading_dim: ClassVar[int]
-    """m."""
+    reading_dim: ClassVar[int]  # m
 
     @property
     def R(self) -> FloatArray:
@@ -247,19 +214,15 @@ class SensorModel(Protocol):
         ...
 
     def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
-        """Return the reading, shape (..., m), of features (..., d) from poses (..., 3); v None stands for 0."""
+        """Return the reading, shape (..., m), of features (..., 2) from poses (..., 3); v None stands for 0."""
         ...
-
-    def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂h/∂x at v = 0, shape (..., m, 3)."""
-        return self.linearised(x, l).H_pose
-
-    def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂h/∂l at v = 0, shape (..., m, d)."""
-        return self.linearised(x, l).H_feature
 
     def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
         """Return ∂h/∂v at v = 0, shape (..., m, q)."""
+        ...
+
+    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
+        """Return h and its Jacobians by pose and feature at v = 0."""
         ...
 
     def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
@@ -269,10 +232,6 @@ class SensorModel(Protocol):
     def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
         """Return z − ẑ, shape (..., m), angles going the shorter way round."""
         ...
-
-    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
-        """Return h, H_pose and H_feature together, as a filter needs them at each update."""
-        return Linearised(self.h(x, l), self.H_pose(x, l), self.H_feature(x, l))
 
     def noise(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
         """Return the covariance of a reading about its true value, V R Vᵀ, shape (..., m, m)."""
@@ -297,7 +256,6 @@ class SensorModel(Protocol):
 class _TwoNumbers(SensorModel):
     """Readings of two numbers of a feature that has two, each with its own noise: the dataclass's first two fields."""
 
-    feature_dim: ClassVar[int] = 2
     reading_dim: ClassVar[int] = 2
 
     def __post_init__(self) -> None:
