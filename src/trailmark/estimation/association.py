@@ -39,24 +39,22 @@ class SlamSettings:
         EstimationError: a value that is not allowed.
     """
 
+    #: "known": by the identity that the sensor reports; "nearest": gated nearest neighbour; "joint": JCBB; "auto":
+    #: known if any detection of the log has an identity, else joint.
     association: AssociationMethod | Literal["auto"] = "known"
-    """"known": by the identity that the sensor reports; "nearest": gated nearest neighbour; "joint": JCBB; "auto":
-    known if any detection of the log has an identity, else joint."""
+    #: Probability that a reading passes the gate of its own feature; also of JCBB's joint gate.
     gate: Probability = 0.99
-    """Probability that a reading passes the gate of its own feature; also of JCBB's joint gate."""
+    #: Probability that a reading of a feature passes that feature's second gate: what passes none is new.
     new_gate: Probability = 0.999999
-    """Probability that a reading of a feature passes that feature's second gate: what passes none is new."""
+    #: Without identities: whether a reading whose near features all went to others of its instant shows a new one.
     distinct: bool = False
-    """Without identities: whether a reading whose near features all went to others of its instant shows a new one."""
+    #: Without identities: probability that two estimates of one point pass as one; None merges none.
     merge_gate: Probability | None = None
-    """Without identities: probability that two estimates of one point pass as one; None merges none."""
+    #: With known identities: probability that a reading passes, those that do not are ignored; None lets all pass.
+    #: "auto": 0.9999; where much fails it, the noise is estimated.
     outlier_gate: Probability | Literal["auto"] | None = None
-    """With known identities: probability that a reading passes, those that do not are ignored; None lets all pass.
-    "auto": 0.9999; where much fails it, the noise is estimated."""
-    confirm: Count = 3
-    """Readings after which a feature is confirmed. One of known identity is from the first on."""
-    timeout: PositiveOrInfinite = 10.0
-    """Seconds without a reading after which a tentative feature is dropped."""
+    confirm: Count = 3  #: Readings after which a feature is confirmed. One of known identity is from the first on.
+    timeout: PositiveOrInfinite = 10.0  #: Seconds without a reading after which a tentative feature is dropped.
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)
@@ -68,28 +66,17 @@ class SlamSettings:
 class Counts:
     """How many records there were, and what became of them."""
 
-    records: int = 0
-    """All of them."""
-    detections: int = 0
-    """Detections."""
-    used: int = 0
-    """Detections that corrected the state or started a feature."""
-    repeated: int = 0
-    """Records that say again what one of the same instant said, skipped."""
-    ambiguous: int = 0
-    """Detections between the two gates, ignored."""
-    outliers: int = 0
-    """Detections of a known identity too far from what they should have read, ignored."""
-    unidentified: int = 0
-    """Detections without the identity that the association asks for, ignored."""
-    not_estimated_from: int = 0
-    """Poses that are truth or a reference, and scans."""
-    dropped: int = 0
-    """Tentative features that were not seen again in time."""
-    merged: int = 0
-    """Features that turned out to be another one."""
-    cut_short: int = 0
-    """Joint associations whose search was cut short."""
+    records: int = 0  # All of them.
+    detections: int = 0  # Detections.
+    used: int = 0  # Detections that corrected the state or started a feature.
+    repeated: int = 0  # Records that say again what one of the same instant said, skipped.
+    ambiguous: int = 0  # Detections between the two gates, ignored.
+    outliers: int = 0  # Detections of a known identity too far from what they should have read, ignored.
+    unidentified: int = 0  # Detections without the identity that the association asks for, ignored.
+    not_estimated_from: int = 0  # Poses that are truth or a reference, and scans.
+    dropped: int = 0  # Tentative features that were not seen again in time.
+    merged: int = 0  # Features that turned out to be another one.
+    cut_short: int = 0  # Joint associations whose search was cut short.
 
 
 NEW = -1  # Stands for a feature not seen before.

@@ -76,16 +76,11 @@ def subtract_square(P: FloatArray, W: FloatArray, first: int) -> None:
 class Consistency(NamedTuple):
     """An average of chi-square values, and the band that it should lie in."""
 
-    mean: float
-    """Average of the values; NaN if there are none."""
-    low: float
-    """Lower end of the band."""
-    high: float
-    """Upper end of the band."""
-    expected: float
-    """The average number of degrees of freedom, which the mean should be near."""
-    size: int
-    """How many values."""
+    mean: float  # Average of the values; NaN if there are none.
+    low: float  # Lower end of the band.
+    high: float  # Upper end of the band.
+    expected: float  # The average number of degrees of freedom, which the mean should be near.
+    size: int  # How many values.
 
     @property
     def inside(self) -> bool:

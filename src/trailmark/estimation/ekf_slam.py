@@ -30,59 +30,40 @@ from trailmark.se2 import FloatArray
 class Update(NamedTuple):
     """One correction of the state."""
 
-    t: float
-    """Seconds."""
-    nis: float
-    """Normalised innovation squared; 0 where all readings were new."""
-    dof: int
-    """Its degrees of freedom."""
-    seconds: float
-    """Time that association, update and features took."""
+    t: float  # Seconds.
+    nis: float  # Normalised innovation squared; 0 where all readings were new.
+    dof: int  # Its degrees of freedom.
+    seconds: float  # Time that association, update and features took.
 
 
 class Assignment(NamedTuple):
     """What became of one detection."""
 
-    t: float
-    """Seconds."""
-    identity: int | None
-    """What the log says the feature was, used or not."""
-    feature: int | None
-    """The feature that it was assigned to; None if it was ignored."""
-    detection: Detection
-    """What was read."""
+    t: float  # Seconds.
+    identity: int | None  # What the log says the feature was, used or not.
+    feature: int | None  # The feature that it was assigned to; None if it was ignored.
+    detection: Detection  # What was read.
 
 
 class MapFeature(NamedTuple):
     """A feature of the map."""
 
-    id: int
-    """Its id in the filter."""
-    identity: int | None
-    """The number that the sensor gives it, where identities are known."""
-    mean: FloatArray
-    """Shape (d,)."""
-    covariance: FloatArray
-    """Shape (d, d)."""
-    readings: int
-    """How many readings it rests on."""
+    id: int  # Its id in the filter.
+    identity: int | None  # The number that the sensor gives it, where identities are known.
+    mean: FloatArray  # Shape (d,).
+    covariance: FloatArray  # Shape (d, d).
+    readings: int  # How many readings it rests on.
 
 
 class SlamResult(NamedTuple):
     """The outcome of a run."""
 
-    trajectory: FloatArray
-    """Rows t, x, y, theta, shape (n, 4): the estimate at each instant that had a record."""
-    covariances: FloatArray
-    """Of x, y, theta, shape (n, 3, 3)."""
-    features: tuple[MapFeature, ...]
-    """Confirmed features."""
-    updates: tuple[Update, ...]
-    """Corrections in order."""
-    assignments: tuple[Assignment, ...]
-    """Detections in order."""
-    counts: Counts
-    """What happened to the records."""
+    trajectory: FloatArray  #: Rows t, x, y, theta, shape (n, 4): the estimate at each instant that had a record.
+    covariances: FloatArray  #: Of x, y, theta, shape (n, 3, 3).
+    features: tuple[MapFeature, ...]  #: Confirmed features.
+    updates: tuple[Update, ...]  #: Corrections in order.
+    assignments: tuple[Assignment, ...]  #: Detections in order.
+    counts: Counts  #: What happened to the records.
 
     def nis(self, probability: float = 0.95) -> Consistency:
         """Return the average NIS per update and its band."""

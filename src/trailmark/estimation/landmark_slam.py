@@ -157,12 +157,11 @@ OnRound = Callable[[int, int], None]
 class BatchResult(NamedTuple):
     """What a batch makes of a log that EKF-SLAM went through."""
 
+    # Poses and features of the batch, with covariances in the start's frame; the rest as EKF-SLAM had it.
     result: SlamResult
-    """Poses and features of the batch, with covariances in the start's frame; the rest as EKF-SLAM had it."""
+    # Covariance of each feature in the frame that the features make, shape (m, 2, 2); None for fewer than FEWEST.
     relative: FloatArray | None
-    """Covariance of each feature in the frame that the features make, shape (m, 2, 2); None for fewer than FEWEST."""
-    figures: dict[str, Any]
-    """What was found, as plain data."""
+    figures: dict[str, Any]  # What was found, as plain data.
 
 
 def smoothed(

@@ -74,25 +74,19 @@ MATCHED = 400
 class ScanPoses(NamedTuple):
     """Where scans were taken from."""
 
-    poses: FloatArray
-    """Shape (m, 3), one for each scan."""
+    poses: FloatArray  # Shape (m, 3), one for each scan.
+    # Shape (m, 3, 3), in the world's axes, relative to the places of all: what turns or shifts all is no error.
     covariances: FloatArray
-    """Shape (m, 3, 3), in the world's axes, relative to the places of all: what turns or shifts all is no error."""
-    odometry: FloatArray
-    """Where odometry had them, shape (m, 3)."""
-    keys: NDArray[np.intp]
-    """Which scans are nodes of the graph, shape (n,)."""
-    relations: tuple[Relation, ...]
-    """Between nodes, those that count."""
-    closures: int
-    """Loop closures that were confirmed."""
-    rejected: int
-    """Relations that the optimisation dropped."""
+    odometry: FloatArray  # Where odometry had them, shape (m, 3).
+    keys: NDArray[np.intp]  # Which scans are nodes of the graph, shape (n,).
+    relations: tuple[Relation, ...]  # Between nodes, those that count.
+    closures: int  # Loop closures that were confirmed.
+    rejected: int  # Relations that the optimisation dropped.
+    # Scans that lie where they fit and not where odometry had them: it is missing before them, or wrong.
     relocated: tuple[int, ...] = ()
-    """Scans that lie where they fit and not where odometry had them: it is missing before them, or wrong."""
+    # Scans before which odometry is missing or wrong, and that fit nowhere, or in several places: how what
+    # follows lies beside what came before is not known.
     unplaced: tuple[int, ...] = ()
-    """Scans before which odometry is missing or wrong, and that fit nowhere, or in several places: how what follows
-    lies beside what came before is not known."""
 
 
 def match_scans(

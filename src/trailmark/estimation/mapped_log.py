@@ -46,34 +46,22 @@ DAY = 86_400.0  # Seconds: a longer gap between two records is a clock that was 
 class MappedLog(NamedTuple):
     """The outcome of :func:`trailmark.estimation.map_log`."""
 
-    log: Log
-    """What it was made from."""
-    world: World
-    """The obstacles with their covariances, grown if a confidence was asked for; the robot; queries."""
+    log: Log  #: What it was made from.
+    world: World  #: The obstacles with their covariances, grown if a confidence was asked for; the robot; queries.
+    #: Where the robot was, shape (n, 4), rows t, x, y, theta: after each instant of EKF-SLAM, or at each scan.
     trajectory: FloatArray
-    """Where the robot was, shape (n, 4), rows t, x, y, theta: after each instant of EKF-SLAM, or at each scan."""
-    poses: str
-    """Where it was by: "match", "slam", "log" or "odometry"."""
-    association: str | None
-    """How detections found their features, where EKF-SLAM ran."""
-    slam: SlamResult | None
-    """EKF-SLAM's result, where it ran."""
-    tentative: int
-    """Features that were still to be confirmed when its log ended; they are not in the world."""
-    batch: BatchResult | None
-    """The batch over the log after it, where one was asked for."""
-    scans: ScanMap | None
-    """The map from scans, where obstacles are made of those."""
-    matched: ScanPoses | None
-    """The poses of the scans by matching, where they were matched."""
-    seconds: float
-    """Time that it took."""
-    scan_seconds: float
-    """Of that, the time for scans."""
-    warnings: tuple[str, ...] = ()
-    """One sentence for each thing that looks wrong, and what to try."""
+    poses: str  #: Where it was by: "match", "slam", "log" or "odometry".
+    association: str | None  #: How detections found their features, where EKF-SLAM ran.
+    slam: SlamResult | None  #: EKF-SLAM's result, where it ran.
+    tentative: int  #: Features that were still to be confirmed when its log ended; they are not in the world.
+    batch: BatchResult | None  #: The batch over the log after it, where one was asked for.
+    scans: ScanMap | None  #: The map from scans, where obstacles are made of those.
+    matched: ScanPoses | None  #: The poses of the scans by matching, where they were matched.
+    seconds: float  #: Time that it took.
+    scan_seconds: float  #: Of that, the time for scans.
+    warnings: tuple[str, ...] = ()  #: One sentence for each thing that looks wrong, and what to try.
+    #: One sentence for each thing left out, assumed or not used, the reader's own among them.
     notes: tuple[str, ...] = ()
-    """One sentence for each thing left out, assumed or not used, the reader's own among them."""
 
     def figures(self) -> dict[str, Any]:
         """Return counts, consistency and times as plain data that JSON can hold (no NaN, no infinity)."""

@@ -206,7 +206,7 @@ class SensorModel(Protocol):
     Subclass it, with all that has no body here, to get the others.
     """
 
-    reading_dim: ClassVar[int]  # m
+    reading_dim: ClassVar[int]  #: m
 
     @property
     def R(self) -> FloatArray:

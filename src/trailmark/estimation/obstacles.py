@@ -325,20 +325,14 @@ COARSEST = 0.4
 class ScanMap(NamedTuple):
     """A map and what it was made from."""
 
+    #: Its obstacles are the estimates' means: walls, discs, groups of cells; last, without estimates, the unknown.
     world: World
-    """Its obstacles are the estimates' means: walls, discs, groups of cells; last, without estimates, the unknown."""
-    readings: tuple[FloatArray, ...]
-    """The end points behind each wall and disc, arrays of shape (n, 2)."""
-    poses: FloatArray
-    """Where the scans were taken, shape (m, 3)."""
-    grid: EvidenceGrid
-    """Hits and passes."""
-    walls: int
-    """How many obstacles are walls."""
-    discs: int
-    """How many are discs."""
-    dropped: int
-    """Lines and discs that too few scans showed."""
+    readings: tuple[FloatArray, ...]  #: The end points behind each wall and disc, arrays of shape (n, 2).
+    poses: FloatArray  #: Where the scans were taken, shape (m, 3).
+    grid: EvidenceGrid  #: Hits and passes.
+    walls: int  #: How many obstacles are walls.
+    discs: int  #: How many are discs.
+    dropped: int  #: Lines and discs that too few scans showed.
 
 
 @checked_arguments(EstimationError)

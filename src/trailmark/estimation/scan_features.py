@@ -221,12 +221,10 @@ class ScanSettings:
         EstimationError: a value that is not allowed.
     """
 
-    sigma_range: Positive = 0.02
-    """Standard deviation of a range, metres (a SICK LMS's: some 1 to 2 cm)."""
+    sigma_range: Positive = 0.02  #: Standard deviation of a range, metres (a SICK LMS's: some 1 to 2 cm).
+    #: Standard deviation of a beam's direction, radians: its width, not the step from beam to beam.
     sigma_bearing: Positive = 0.003
-    """Standard deviation of a beam's direction, radians: its width, not the step from beam to beam."""
-    max_range: PositiveOrInfinite = math.inf
-    """Metres: end points farther away are left out."""
+    max_range: PositiveOrInfinite = math.inf  #: Metres: end points farther away are left out.
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)

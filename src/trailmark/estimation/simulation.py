@@ -168,10 +168,9 @@ def _along(piece: _Piece, s: FloatArray) -> FloatArray:
 class Simulation(NamedTuple):
     """What a simulated robot recorded, and where it really was."""
 
+    #: All records by time; the truth is among them as ``Pose(truth=True)``, and ``landmarks`` are the true discs.
     log: Log
-    """All records by time; the truth is among them as ``Pose(truth=True)``, and ``landmarks`` are the true discs."""
-    truth: FloatArray
-    """Shape (n, 4), rows t, x, y, theta: one for each time of the log, seconds from 0."""
+    truth: FloatArray  #: Shape (n, 4), rows t, x, y, theta: one for each time of the log, seconds from 0.
 
 
 @checked_arguments(EstimationError)
