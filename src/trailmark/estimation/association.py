@@ -248,13 +248,7 @@ class Associator:
         self._filter, self._settings, self._counts = ekf, settings, counts
 
     def assign(self, sensor: SensorModel, detections: Sequence[Detection], ids: Mapping[int, int]) -> list[int]:
-        """Return the feature's id of each detection, or NEW or IGNORED.
-
-        Args:
-            sensor: what read them.
-            detections: of one instant and one kind; they are of distinct features.
-            ids: the features of known identity.
-        """
+        """Return the feature's id of each detection, or NEW or IGNORED."""
         if self._settings.association == "known":
             return [self._known(sensor, detection, ids) for detection in detections]
         settings = self._settings

@@ -116,9 +116,6 @@ def average(values: ArrayLike, dof: ArrayLike, probability: Probability = 0.95) 
         values: NEES or NIS, shape (n,).
         dof: degrees of freedom, one number or shape (n,).
         probability: of the band, two-sided, in (0, 1).
-
-    Raises:
-        EstimationError: a probability out of range.
     """
     chi = np.asarray(values, dtype=np.float64).reshape(-1)
     n = len(chi)

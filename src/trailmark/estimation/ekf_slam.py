@@ -97,12 +97,7 @@ class FeatureHistory:
 
 
 class FeatureHistories:
-    """The histories of a filter's features; features that are dropped or merged leave the filter, too.
-
-    Args:
-        ekf: the filter.
-        settings: when a feature counts, and when two are one.
-    """
+    """The histories of a filter's features; features that are dropped or merged leave the filter, too."""
 
     def __init__(self, ekf: SlamFilter, settings: SlamSettings) -> None:
         self._filter, self._settings = ekf, settings

@@ -21,12 +21,6 @@ from trailmark.se2 import FloatArray
 def first_step(sx, sy, ex, ey):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return a line's first and last column and row, its steps, and at which share of it the next ones begin.
 
-    Args:
-        sx: where it begins, in cells from the grid's corner,
-        sy: likewise.
-        ex: where it ends,
-        ey: likewise.
-
     Returns:
         First column and row, last column and row, steps of either (1 or -1), shares of the line at which the next
         column and row begin, and shares from one to the next; infinite along an axis on which the line stays.
@@ -59,9 +53,6 @@ class EvidenceGrid:
     Args:
         bounds: xmin, ymin, xmax, ymax to cover, metres; the grid is rounded up to whole cells.
         cell: side of a cell, metres.
-
-    Raises:
-        WorldError: more than MAX_CELLS cells, or none.
     """
 
     def __init__(self, bounds: tuple[float, float, float, float], cell: float) -> None:

@@ -129,9 +129,6 @@ class ScanSlam:
 
     Attributes:
         corrections: how often loops that were closed have moved the poses of the past.
-
-    Args:
-        settings: how to go about it.
     """
 
     def __init__(self, settings: GraphSettings | None = None) -> None:

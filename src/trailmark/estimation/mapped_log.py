@@ -226,13 +226,7 @@ def places_text(trajectory: FloatArray, which: Sequence[int]) -> str:
 
 
 def association_doubts(result: SlamResult, estimates: Sequence[ObstacleEstimate], poses: str) -> list[str]:
-    """Return why a map without identities may be wrong as a whole: what its covariances cannot show.
-
-    Args:
-        result: features and readings.
-        estimates: of its features, with covariances relative to the map.
-        poses: what they are by.
-    """
+    """Return why a map without identities may be wrong as a whole: what its covariances cannot show."""
     number = {feature.id: i for i, feature in enumerate(result.features)}
     used = [a for a in result.assignments if a.feature in number]
     if not used:

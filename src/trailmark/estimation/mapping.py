@@ -52,11 +52,7 @@ class Sources(NamedTuple):
 
 
 def sources_of(log: Log, settings: MapSettings) -> Sources:
-    """Return what obstacles and poses come from, with "auto" resolved.
-
-    Raises:
-        EstimationError: the log does not hold what the settings ask for, or nothing that a world could be made of.
-    """
+    """Return what obstacles and poses come from, with "auto" resolved."""
     scans = [record for record in log.records if isinstance(record, Scan)]
     there = {type(record) for record in log.records}
     if not any((np.asarray(scan.ranges) > 0.0).any() for scan in scans):  # lost readings are NaN

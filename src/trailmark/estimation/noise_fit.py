@@ -60,12 +60,7 @@ def updated_variances(
 
 
 def correlation_time(sequences: Iterable[FloatArray], longest: int = 200) -> float:
-    """Return τ >= 1: how many successive residuals are worth one that is independent of the others.
-
-    Args:
-        sequences: of residuals in the order of time, each of one feature or of one axis.
-        longest: lag, in residuals.
-    """
+    """Return τ >= 1: how many successive residuals are worth one that is independent of the others."""
     products, counts, square, size = np.zeros(longest + 1), np.zeros(longest + 1), 0.0, 0
     for sequence in sequences:
         n = len(sequence)

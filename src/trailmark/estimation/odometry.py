@@ -45,9 +45,6 @@ def scan_poses(
             them, truth left out; ``odometry`` adds up increments and velocities; ``auto`` takes the scans' own if all
             carry one, else odometry.
         start: where odometry begins; None for the log's first pose, or the first scan's, or else the origin.
-
-    Raises:
-        EstimationError: an unknown source, or ``log`` and no poses.
     """
     records = log.records if isinstance(log, Log) else log
     scans = [record for record in records if isinstance(record, Scan)]
@@ -155,9 +152,6 @@ class OdometryTrack:
     σ_v², α₁, σ_ω², α₄. Increments have five, those of :class:`trailmark.estimation.PoseIncrement`: σ of place, a, σ of
     heading, b, c; where all state their covariances, these are the two sources, place and heading. Sources of distances
     come before those of headings. The motion of a log with both is what velocities and increments add up to.
-
-    Args:
-        records: of the log, in the order of time.
     """
 
     def __init__(self, records: Sequence[Record]) -> None:

@@ -56,11 +56,7 @@ OUTLIER_GATE = 0.999  # Probability with which a right closure is consistent wit
 
 @dataclass(frozen=True)
 class GraphSettings:
-    """How scans are matched, and loops closed.
-
-    Raises:
-        EstimationError: a value that is not allowed.
-    """
+    """How scans are matched, and loops closed."""
 
     # Times the lengths below, for sensors that see, and robots that drive, farther than those of a building.
     scale: Positive = 1.0
@@ -536,13 +532,7 @@ class Drift:
 
 
 def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArray:
-    """Return where a scan may have been taken, shape (k, 3): the best place for each heading.
-
-    Args:
-        scan: of the lost robot.
-        keys: the map.
-        settings: how scans are matched.
-    """
+    """Return where a scan may have been taken, shape (k, 3): the best place for each heading."""
     cloud = surface_cloud(scan, settings.max_range)
     if len(cloud.points) < MIN_POINTS or not len(keys):
         return np.empty((0, 3))

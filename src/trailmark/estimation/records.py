@@ -156,9 +156,6 @@ def with_own_times(log: Log) -> Log:
     stamp would be taken for read at one place, and a velocity that holds for no time for no motion. Such records are
     spread evenly over the time until the next stamp, in their order in the log. Records that are merely written twice,
     and logs of which the order of the records is all that is used (increments and scans), stay as they are.
-
-    Raises:
-        RecordError: velocities that all have one and the same stamp: how long each held cannot be told.
     """
     if not any(isinstance(record, Detection | Odometry) or _states_pose(record) for record in log.records[1:]):
         return log

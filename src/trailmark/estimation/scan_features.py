@@ -69,9 +69,6 @@ def fit_line(points: ArrayLike, covariances: ArrayLike, origin: ArrayLike = (0.0
         points: shape (n, 2), n >= 2, not all the same.
         covariances: shape (n, 2, 2), positive definite.
         origin: where the points were seen from, shape (2,): the normal points away from there.
-
-    Raises:
-        EstimationError: another shape, or points that are all the same.
     """
     p, C = _checked_points(points, covariances, 2)
     centre = p.mean(axis=0)
@@ -133,9 +130,6 @@ def fit_disc(points: ArrayLike, covariances: ArrayLike) -> DiscFit | None:
     Args:
         points: shape (n, 2), n >= 3.
         covariances: shape (n, 2, 2), positive definite.
-
-    Raises:
-        EstimationError: another shape.
     """
     p, C = _checked_points(points, covariances, 3)
     first = fit_circle_roughly(p)
@@ -468,11 +462,7 @@ class Tracks(ABC):
         """Return which tracks lie where the feature is, shape (n,)."""
 
     def update(self, found: list[Observation]) -> None:
-        """Take in the features of one scan, each into the nearest track that lets it through its gate, or a new one.
-
-        Args:
-            found: the features.
-        """
+        """Take in the features of one scan, each into the nearest track that lets it through its gate, or a new one."""
         updated = set[int]()
         for observed in found:
             at = self._match(observed)

@@ -63,9 +63,6 @@ class Drive:
 
     Attributes:
         times: when the pieces begin, and when the last one ends, shape (k + 1,), seconds from 0.
-
-    Raises:
-        EstimationError: other shapes, values that are not finite, speeds that are not positive.
     """
 
     @checked_arguments(EstimationError)

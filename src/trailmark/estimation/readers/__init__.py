@@ -130,11 +130,7 @@ def log_files(path: str | FilePath) -> tuple[FilePath, ...]:
 
 
 def _robot(path: FilePath, robot: int | None) -> tuple[FilePath, int | None]:
-    """Return the folder and the number where the path means an MRCLAM robot, else what was given.
-
-    Raises:
-        FormatError: the path names one robot and ``robot`` is another.
-    """
+    """Return the folder and the number where the path means an MRCLAM robot, else what was given."""
     from trailmark.estimation.readers.mrclam import robot_of
 
     named = re.fullmatch(r"(.+):(\d+)", str(path))
@@ -149,11 +145,7 @@ def _robot(path: FilePath, robot: int | None) -> tuple[FilePath, int | None]:
 
 
 def _format_of(path: FilePath) -> str:
-    """Return the format of a file or folder.
-
-    Raises:
-        FormatError: it is missing, or of no known format.
-    """
+    """Return the format of a file or folder."""
     from trailmark.estimation.readers import carmen, g2o, mrclam, victoria
     from trailmark.estimation.readers.source import read_head
 

@@ -93,9 +93,6 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
         bad: what becomes of bad lines: unknown words, wrong columns, values that are not finite, negative ranges,
             times that go back.
         corrected: whether the poses of the scans are those of a SLAM program; found from the content by default.
-
-    Raises:
-        FormatError: the file cannot be read, or a bad line.
     """
     lines, gmapping = _lines(path, bad, corrected=bool(corrected))
     mount = None if gmapping else _mount([(line.beams.laser, line.pose) for line in lines if line.beams])

@@ -33,9 +33,6 @@ def read_g2o(path: Path, bad: BadRecords) -> Log:
         path: the file, gzipped or not.
         bad: what becomes of bad lines: unknown words, wrong columns, values that are not finite, matrices that are no
             information.
-
-    Raises:
-        FormatError: the file cannot be read, or a bad line.
     """
     poses: dict[int, tuple[float, ...]] = {}
     edges: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}

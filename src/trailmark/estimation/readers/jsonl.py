@@ -104,20 +104,12 @@ _FORMS: dict[str, tuple[Any, dict[str, Any]]] = {
 
 
 def parse_header(line: str) -> Header:
-    """Return the first line of a log.
-
-    Raises:
-        RecordError: it is not the header; the message says what was expected and what was given.
-    """
+    """Return the first line of a log."""
     return Header(**_checked(_object(line), "header", Header, _HEADER))
 
 
 def parse(line: str) -> Record | Landmark:
-    """Return what a line after the first one holds.
-
-    Raises:
-        RecordError: no record; the message says what was expected and what was given.
-    """
+    """Return what a line after the first one holds."""
     data = _object(line)
     kind = data.pop("type", None)
     if not isinstance(kind, str) or kind not in _FORMS:
@@ -164,9 +156,6 @@ def read_jsonl(path: Path, bad: BadRecords) -> Log:
         path: the file, gzipped or not.
         bad: what becomes of bad lines: not JSON, missing or unknown fields, values out of range or not finite, times
             that go back, covariances that are none.
-
-    Raises:
-        FormatError: the file cannot be read, its first line is not the header, or a bad line.
     """
     lines = read_lines(path, bad)
     try:
@@ -200,10 +189,6 @@ def write_jsonl(path: Path, log: Log) -> None:
     """Write a log as JSON Lines, whole or not at all; gzipped if the path ends in ``.gz``.
 
     ``dropped`` and ``notes``, which tell of another file, are not written.
-
-    Raises:
-        OutputError: the path cannot be written, or a record is none that could be read back: values that are not
-            finite, times that go back.
     """
     header = {"trailmark_log": 1, "name": log.name} | ({} if log.cell is None else {"cell": log.cell})
     lines = [json.dumps(header, ensure_ascii=False)]

@@ -54,10 +54,6 @@ def read_mrclam(folder: Path, bad: BadRecords, robot: int | None = None) -> Log:
         bad: what becomes of bad rows: wrong columns, values that are not finite, times that go back, barcodes that
             no subject wears, negative ranges.
         robot: its number; may be left out where the folder holds one robot.
-
-    Raises:
-        FormatError: the robot does not exist or is not named, a file is missing, a bad row, or a clock too coarse to
-            tell in which order odometry and detections came.
     """
     number = _chosen(folder, robot)
     odometry_file = folder / f"Robot{number}_Odometry.dat"

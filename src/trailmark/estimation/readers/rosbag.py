@@ -54,10 +54,6 @@ def read_rosbag(path: Path, bad: BadRecords, scan_topic: str | None = None, odom
         bad: what becomes of bad messages: not to be decoded, values that are not finite, stamps that go back or repeat.
         scan_topic: may be left out where the bag has one such topic.
         odometry_topic: may be left out where the bag has one such topic.
-
-    Raises:
-        FormatError: rosbags is not installed, the bag cannot be read, has no such topics or several, or a bad
-            message, which the message names by its number on its topic.
     """
     try:
         from rosbags.highlevel import AnyReader

@@ -52,11 +52,7 @@ class BadRecords:
         self.dropped = 0
 
     def report(self, path: Path, problem: str, line: int | None = None, count: int = 1) -> None:
-        """Count the bad records, or raise for the first of them.
-
-        Raises:
-            FormatError: bad records are not to be skipped.
-        """
+        """Count the bad records, or raise for the first of them."""
         if not self.skip:
             raise FormatError(path, f"{problem} (--skip-bad leaves it out)", line)
         self.dropped += count
@@ -78,11 +74,7 @@ class Table(NamedTuple):
 
 
 def read_head(path: Path, size: int) -> bytes:
-    """Return the first ``size`` bytes of a file, unpacked if it is gzipped.
-
-    Raises:
-        FormatError: missing, unreadable, or a broken gzip stream.
-    """
+    """Return the first ``size`` bytes of a file, unpacked if it is gzipped."""
     try:
         with path.open("rb") as raw, _unpacked(raw) as file:
             return file.read(size)
@@ -95,10 +87,6 @@ def read_lines(path: Path, bad: BadRecords, limit: int = MAX_LOG_BYTES) -> Itera
     """Yield the lines of a text file, gzipped or not, without their ends; the file is never in memory as a whole.
 
     Bytes that are no UTF-8 spoil their line only: with ``skip_bad`` they are replaced, so that the line is bad.
-
-    Raises:
-        FormatError: missing, unreadable, a broken gzip stream; more than ``limit`` bytes (unpacked), or MAX_LINE_BYTES
-            in a line; a byte that is no UTF-8.
     """
     try:
         with path.open("rb") as raw, _unpacked(raw) as file:
@@ -147,9 +135,6 @@ def read_table(path: Path, columns: Sequence[str], bad: BadRecords, separator: s
         columns: their names, for messages.
         bad: what becomes of a row with too few or too many columns, or a value that is not a finite number.
         separator: what sets off the columns; None stands for blanks.
-
-    Raises:
-        FormatError: as :func:`read_lines`, or a bad row.
     """
     rows, places = [], []
     for number, line in enumerate(read_lines(path, bad), start=1):
@@ -180,9 +165,6 @@ def in_order(path: Path, table: Table, bad: BadRecords) -> Table:
     """Return the rows of a table whose first column is a time that never goes back; equal times are allowed.
 
     With ``skip_bad``, a row that is earlier than one before it is left out.
-
-    Raises:
-        FormatError: the first row that is earlier than one before it.
     """
     times = table.values[:, 0]
     latest = np.maximum.accumulate(times)

@@ -47,9 +47,6 @@ def read_victoria(path: Path, bad: BadRecords) -> Log:
         path: the file, gzipped or not.
         bad: what becomes of bad lines: unknown words, wrong columns, values that are not finite, numbers that are not
             whole, covariances that are not positive, lines out of order.
-
-    Raises:
-        FormatError: the file cannot be read, or a bad line.
     """
     records: list[Record] = []
     pose: int | None = None
@@ -82,13 +79,6 @@ def read_gps(path: Path, *, skip_bad: bool = False) -> FloatArray:
     """Return the GPS fixes of the same drive, shape (n, 3): t (s), x (m, east), y (m, north).
 
     They are for evaluation, after a rigid alignment: the log's poses carry no times.
-
-    Args:
-        path: rows ``t,x,y`` set off by commas, gzipped or not.
-        skip_bad: leave out bad rows.
-
-    Raises:
-        FormatError: the file cannot be read, or a bad row.
     """
     bad = BadRecords(skip_bad)
     return in_order(path, read_table(path, ("t", "x", "y"), bad, separator=","), bad).values
