@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pytest
 
 from trailmark.estimation.ekf_slam import EkfSlam
+from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.models import PoseIncrement, Unicycle
-from trailmark.estimation.odometry import OdometryCalibration, OdometryTrack
-from trailmark.estimation.records import Increment, Odometry, Record
+from trailmark.estimation.odometry import OdometryTrack, missing_odometry, scan_poses
+from trailmark.estimation.records import Increment, Log, Odometry, Pose, Record, Scan
 
 VELOCITY = Unicycle(0.02, 0.05, (0.1, 0.0, 0.0, 0.2), period=1.0)
 INCREMENT = PoseIncrement(0.01, 0.01, 0.02, (0.003, 0.004, 0.005))
@@ -33,7 +35,7 @@ def increments(seed: int = 0, covariance: bool = False) -> list[Record]:
 def test_velocities_give_the_motion_of_the_filters_steps() -> None:
     records, instants = velocities(), np.array([0.5, 1.3, 1.31, 4.0, 20.0])
     track = OdometryTrack(records)
-    found = track.motions(instants, OdometryCalibration())
+    found = track.motions(instants)
     P_found = found.covariance(track.stated_variances(VELOCITY, INCREMENT))
     cuts = np.unique(np.concatenate([[r.t for r in records], instants]))
     for i in range(len(instants) - 1):
@@ -56,7 +58,7 @@ def test_increments_give_the_motion_of_the_filters_steps(stated: bool) -> None:
     records, instants = increments(covariance=stated), np.array([0.0, 3.0, 4.0, 17.5])
     track = OdometryTrack(records)
     assert track.states_noise == stated
-    found = track.motions(instants, OdometryCalibration())
+    found = track.motions(instants)
     P_found = found.covariance(track.stated_variances(VELOCITY, INCREMENT))
     for i in range(len(instants) - 1):
         x, P = np.zeros(3), np.zeros((3, 3))
@@ -75,7 +77,7 @@ def test_velocities_and_increments_add_up_as_in_the_filter(stated: bool) -> None
     instants = np.array([0.0, 4.0, 60.0])
     track = OdometryTrack(records)
     assert not track.states_noise
-    found = track.motions(instants, OdometryCalibration())
+    found = track.motions(instants)
     P_found = found.covariance(track.stated_variances(VELOCITY, INCREMENT))
     for i in range(2):
         slam = EkfSlam({}, velocity=VELOCITY, increment=INCREMENT)
@@ -89,20 +91,74 @@ def test_velocities_and_increments_add_up_as_in_the_filter(stated: bool) -> None
 
 
 def test_calibration_turns_stated_velocities_into_driven_ones() -> None:
-    true = OdometryCalibration(0.9, 1.1, 0.05, 0.02, 0.25)
+    true = np.array([0.9, 1.1, 0.05, 0.02, 0.25])
     straight = OdometryTrack([Odometry(0.0, 1.0, 0.0), Odometry(2.0, 0.0, 0.0)])
     moved = straight.motions(np.array([0.0, 5.0]), true).u[0]
     assert moved[2] == pytest.approx(0.9 * 2.0 * 0.05)
     assert np.hypot(*moved[:2]) == pytest.approx(1.8, rel=1e-3)
     assert np.arctan2(moved[1], moved[0]) == pytest.approx(0.02 + 0.045)
     # A quarter of a second late: the motion of the first two seconds is not over yet.
-    assert straight.motions(np.array([0.0, 2.0]), OdometryCalibration(delay=0.25)).u[0, 0] == pytest.approx(1.75)
+    assert straight.motions(np.array([0.0, 2.0]), np.array([1.0, 1.0, 0.0, 0.0, 0.25])).u[0, 0] == pytest.approx(1.75)
 
 
 def test_a_repeated_increment_counts_once() -> None:
     step = Increment(1.0, 1.0, 0.0, 0.0)
     once, twice = OdometryTrack([step]), OdometryTrack([step, step])
     instants = np.array([0.0, 2.0])
-    assert twice.motions(instants, OdometryCalibration()).u == pytest.approx(
-        once.motions(instants, OdometryCalibration()).u
-    )
+    assert twice.motions(instants).u == pytest.approx(once.motions(instants).u)
+
+
+def log(records: list[Record]) -> Log:
+    return Log("log", tuple(records), np.empty((0, 3)))
+
+
+def bare(t: float) -> Scan:
+    return Scan(t, np.ones(3), 0.0, 0.1, 9.0)
+
+
+def test_poses_by_increments() -> None:
+    records: list[Record] = [Pose(0.0, 1.0, 2.0, math.pi / 2)]
+    for t in (1.0, 2.0, 3.0):
+        records += [Increment(t, 1.0, 0.0, math.pi / 2), bare(t)]
+    found, x = scan_poses(log(records))
+    assert len(found) == 3
+    assert x == pytest.approx(np.array([[1, 3, math.pi], [0, 3, -math.pi / 2], [0, 2, 0]]), abs=1e-12)
+
+
+def test_poses_by_velocities() -> None:
+    records: list[Record] = [Odometry(0.0, 1.0, 0.0), bare(2.0), Odometry(3.0, math.pi / 2, math.pi / 2), bare(4.0)]
+    _, x = scan_poses(log(records), "odometry")
+    # Three metres ahead, then a quarter of a circle of radius 1 to the left.
+    assert x == pytest.approx(np.array([[2, 0, 0], [4, 1, math.pi / 2]]), abs=1e-12)
+
+
+def test_poses_of_the_scans_themselves() -> None:
+    stated = [bare(1.0)._replace(pose=(1.0, 0.0, 0.0)), bare(2.0)._replace(pose=(2.0, 0.0, 0.0))]
+    records: list[Record] = [stated[0], Increment(1.5, 0.5, 0.0, 0.0), stated[1]]
+    for source in ("auto", "log"):
+        assert scan_poses(log(records), source)[1][:, 0].tolist() == [1.0, 2.0]
+    assert scan_poses(log(records), "odometry")[1][:, 0].tolist() == [1.0, 1.5]
+    # Truth is never used.
+    assert scan_poses(log([Pose(0.0, 9, 9, 9, truth=True), bare(1.0)]))[1].tolist() == [[0.0, 0.0, 0.0]]
+    with pytest.raises(EstimationError, match="poses: expected them in the log, got 1 of 2 scans without one"):
+        scan_poses(log([stated[0], bare(2.0)]), "log")
+
+
+def test_odometry_starts_at_the_first_scans_pose() -> None:
+    records: list[Record] = [bare(0.0)._replace(pose=(5.0, 1.0, math.pi / 2)), Increment(1.0, 2.0, 0.0, 0.0), bare(1.0)]
+    _, x = scan_poses(log(records))
+    assert x == pytest.approx(np.array([[5, 1, math.pi / 2], [5, 3, math.pi / 2]]), abs=1e-12)
+
+
+def test_odometry_is_missing_where_there_is_none_among_much() -> None:
+    def driven(counts: list[int]) -> Log:
+        records: list[Record] = []
+        for i, count in enumerate(counts):
+            records += [*(Increment(float(i), 0.1, 0.0, 0.0) for _ in range(count)), bare(float(i))]
+        return log(records)
+
+    assert missing_odometry(driven([0, 4, 0, 5, 4])).tolist() == [False, False, True, False, False]
+    # Where they alternate, one may come late.
+    assert not missing_odometry(driven([1, 1, 0, 2, 1])).any()
+    # Velocities hold until others come.
+    assert not missing_odometry(log([Odometry(0.0, 1.0, 0.0), bare(1.0), bare(2.0)])).any()

@@ -1,4 +1,4 @@
-# ruff: noqa: N803, N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
+# ruff: noqa: N803, N806 # the names are those of the literature: A, H, J, P, R, S
 """The batch optimum of poses and point features, by gtsam, with its covariances.
 
 The factors are those of Dellaert & Kaess 2006, Square Root SAM (International Journal of Robotics Research 25(12)): one
@@ -9,7 +9,7 @@ outliers this is the least-squares optimum.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -17,30 +17,58 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.covariance import chi_square_quantile
-from trailmark.estimation.odometry import OdometryCalibration, Readings, SensorCalibration
+from trailmark.estimation.models import Cartesian, RangeBearing
+from trailmark.estimation.records import Detection
 from trailmark.se2 import FloatArray, wrap
-
-# Draws that the redundancy is estimated from; the relative error of a mean over k rows is about 1/√(PROBES k).
-PROBES = 8
-FLOOR = 1e-4  # Metres and radians: standard deviation added to each motion, since gtsam takes no noise of 0.
-HELD = 1e-6  # Metres and radians: standard deviation of the first pose, where the factors' frame is.
 
 IntArray = NDArray[np.intp]
 
+PROBES = 8  # draws that the redundancy is estimated from; the relative error of a mean over k rows is 1/√(PROBES k)
+FLOOR = 1e-4  # metres and radians: standard deviation added to each motion, since gtsam takes no noise of 0
+HELD = 1e-6  # metres and radians: standard deviation of the first pose, where the factors' frame is
 # Where Gauss-Hermite quadrature takes two standard normal deviates, exact up to the fifth degree, shape (9, 2).
 NODES = np.array(list(product([-(3.0**0.5), 0.0, 3.0**0.5], repeat=2)))
 WEIGHTS = np.prod(np.where(NODES == 0.0, 2.0 / 3.0, 1.0 / 6.0), axis=1)
 
 
-class LinearSystem:
-    """Whitened residuals b − A x of an estimate's error x.
+class Readings(NamedTuple):
+    """Ranges and bearings of n detections."""
 
-    Args:
-        rows: of A's entries, from 1 on, shape (e,).
-        columns: likewise; those beyond ``width`` are not A's.
-        entries: shape (e,).
-        width: how many columns A has.
+    instant: IntArray  # the number of each one's instant, shape (n,)
+    z: FloatArray  # metres and radians, shape (n, 2)
+    covariance: FloatArray  # of z, shape (n, 2, 2)
+    stated: bool  # whether the log states all covariances
+
+
+def polar_readings(
+    detections: Sequence[Detection], instants: FloatArray, range_bearing: RangeBearing, cartesian: Cartesian
+) -> Readings:
+    """Return detections of either kind as ranges and bearings, with the models' noise where they state none.
+
+    The times of all detections are among the instants, shape (m,), ascending.
     """
+    n = len(detections)
+    z = np.array([detection.z for detection in detections], dtype=np.float64).reshape(n, 2)
+    flat = np.array([detection.kind == "cartesian" for detection in detections], dtype=bool)
+    own = np.zeros((n, 2, 2))
+    own[:, 0, 0] = (range_bearing.sigma_range * (1.0 + range_bearing.growth * np.maximum(z[:, 0], 0.0))) ** 2
+    own[:, 1, 1] = range_bearing.sigma_bearing**2
+    own[flat] = np.diag([cartesian.sigma_x**2, cartesian.sigma_y**2])
+    stated = np.array([detection.covariance is not None for detection in detections], dtype=bool)
+    if stated.any():
+        own[stated] = [detection.covariance for detection in detections if detection.covariance is not None]
+    if flat.any():
+        x, y = z[flat].T
+        r = np.maximum(np.hypot(x, y), 1e-6)
+        J = np.array([[x / r, y / r], [-y / r**2, x / r**2]]).transpose(2, 0, 1)
+        own[flat] = J @ own[flat] @ J.transpose(0, 2, 1)
+        z[flat] = np.column_stack([r, np.arctan2(y, x)])
+    times = np.array([detection.t for detection in detections], dtype=np.float64)
+    return Readings(np.searchsorted(instants, times), z, own, bool(n and stated.all()))
+
+
+class LinearSystem:
+    """Whitened residuals b − A x of an estimate's error x; A from its entries, counted from 1, in ``width`` columns."""
 
     def __init__(self, rows: FloatArray, columns: FloatArray, entries: FloatArray, width: int) -> None:
         from scipy.sparse import csc_array
@@ -49,12 +77,9 @@ class LinearSystem:
         own = columns <= width
         places = rows[own].astype(np.intp) - 1, columns[own].astype(np.intp) - 1
         self.A = csc_array((entries[own], places), shape=(int(rows.max()), width))
-        self._factor = splu(
-            (self.A.T @ self.A).tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        symmetric = {"SymmetricMode": True}
+        AtA = (self.A.T @ self.A).tocsc()
+        self._factor = splu(AtA, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
 
     def estimate(self, right: FloatArray) -> FloatArray:
         """Return (AᵀA)⁻¹ Aᵀ b for columns b, shape (rows, k)."""
@@ -73,7 +98,7 @@ class LinearSystem:
         signs: FloatArray = rng.choice([-1.0, 1.0], (self.A.shape[0], PROBES))
         return np.asarray((self.unexplained(signs) ** 2).mean(axis=1))
 
-    def covariance(self, columns: NDArray[np.intp]) -> FloatArray:
+    def covariance(self, columns: IntArray) -> FloatArray:
         """Return the covariance of these columns' errors together, shape (k, k)."""
         unit = np.zeros((self.A.shape[1], len(columns)))
         unit[columns, np.arange(len(columns))] = 1.0
@@ -84,9 +109,9 @@ class LinearSystem:
 class Solution(NamedTuple):
     """Poses and features that fit the factors best."""
 
-    poses: FloatArray  # Shape (n, 3).
-    features: FloatArray  # Shape (m, 2).
-    error: float  # Half the sum of the squared, whitened residuals, beyond the gate by Huber's kernel.
+    poses: FloatArray  # shape (n, 3)
+    features: FloatArray  # shape (m, 2)
+    error: float  # half the sum of the squared, whitened residuals, beyond the gate by Huber's kernel
 
 
 class Smoother:
@@ -101,7 +126,7 @@ class Smoother:
     """
 
     def __init__(
-        self, u: FloatArray, P: FloatArray, readings: Readings, feature: NDArray[np.intp], gate: float = 0.9999
+        self, u: FloatArray, P: FloatArray, readings: Readings, feature: IntArray, gate: float = 0.9999
     ) -> None:
         import gtsam
 
@@ -117,20 +142,15 @@ class Smoother:
             factors.add(between(i, i + 1, gtsam.Pose2(*motion), gaussian(root)))
         huber = gtsam.noiseModel.mEstimator.Huber.Create(self._limit)
         robust, reading = gtsam.noiseModel.Robust.Create, gtsam.BearingRangeFactor2D
-        columns = (readings.instant[self.used], readings.z[self.used], feature[self.used])
-        for root, at, (r, bearing), of in zip(
-            self.reading_roots[:, :, ::-1], *(column.tolist() for column in columns), strict=True
-        ):
+        columns = (column[self.used].tolist() for column in (readings.instant, readings.z, feature))
+        for root, at, (r, bearing), of in zip(self.reading_roots[:, :, ::-1], *columns, strict=True):
             factors.add(reading(at, n + of, gtsam.Rot2(bearing), r, robust(huber, gaussian(root))))
         self._factors, self._poses = factors, n
 
     def solve(self, poses: FloatArray, features: FloatArray, tolerance: float = 1e-7) -> Solution:
-        """Return the optimum that is reached from an estimate; its first pose stays.
+        """Return the optimum that is reached from poses (n, 3), the first of which stays, and features (m, 2).
 
-        Args:
-            poses: shape (n, 3).
-            features: shape (m, 2).
-            tolerance: relative change of the error after which it ends.
+        It ends once the error changes by less than the tolerance, relatively.
         """
         import gtsam
 
@@ -147,15 +167,9 @@ class Smoother:
 
         Those of readings that are of no feature are NaN.
         """
-        off = self._u - self.motions_of(solution)
-        return self.at_end(off), self.reading_residuals(solution, self._feature)
+        return self.at_end(self._u - motions_of(solution.poses)), self.reading_residuals(solution, self._feature)
 
-    def motions_of(self, solution: Solution) -> FloatArray:
-        """Return the motions between the poses, each in the frame that it begins in, shape (n − 1, 3)."""
-        a, b = solution.poses[:-1], solution.poses[1:]
-        return _into(b - a, a[:, 2])
-
-    def reading_residuals(self, solution: Solution, feature: NDArray[np.intp]) -> FloatArray:
+    def reading_residuals(self, solution: Solution, feature: IntArray) -> FloatArray:
         """Return z − ẑ of each reading, (r, 2), were they of these features; NaN for those that are of none."""
         pose, point = solution.poses[self._readings.instant], solution.features[np.maximum(feature, 0)]
         dx, dy = (point - pose[:, :2]).T
@@ -174,13 +188,7 @@ class Smoother:
         return flat.reshape(components.shape)
 
     def whitened(self, solution: Solution, motions: FloatArray, readings: FloatArray) -> FloatArray:
-        """Return residuals, or what they change by, as rows of the linear system, with the kernel's weights.
-
-        Args:
-            solution: where the system was linearised.
-            motions: in the frames that they end in, shape (n − 1, 3, k).
-            readings: ranges and bearings, shape (r, 2, k).
-        """
+        """Return changes of motions at their ends, (n − 1, 3, k), and of readings, (r, 2, k), as rows of the system."""
         _, y = self.residuals(solution)
         length = np.linalg.norm(self.reading_roots @ y[self.used, :, None], axis=(1, 2))
         weights = np.minimum(1.0, self._limit / np.maximum(length, 1e-300))
@@ -191,8 +199,7 @@ class Smoother:
     def linearised(self, solution: Solution) -> LinearSystem:
         """Return the whitened factors at a solution: motions, then readings, then the first pose."""
         linear = self._held(solution.poses[0]).linearize(self._values(solution.poses, solution.features))
-        rows, columns, entries = linear.sparseJacobian_()
-        return LinearSystem(rows, columns, entries, 3 * self._poses + 2 * len(solution.features))
+        return LinearSystem(*linear.sparseJacobian_(), 3 * self._poses + 2 * len(solution.features))
 
     def pair_covariances(self, solution: Solution) -> tuple[FloatArray, FloatArray]:
         """Return the covariance of each pose and the next together, shape (n − 1 or 1, 6, 6), in the map's axes.
@@ -238,6 +245,76 @@ class Smoother:
         return values
 
 
+class Estimate(NamedTuple):
+    """What a batch comes to."""
+
+    solution: Solution
+    feature: IntArray  # for each reading the number of its feature, negative where it was left out, shape (r,)
+    smoother: Smoother
+    system: LinearSystem  # the factors, linearised at the solution
+    calibrated: FloatArray  # how the whitened residuals change with calibration, shape (rows, c)
+    precision: FloatArray  # of the calibration before the log, shape (c,)
+
+    def feature_covariance(self, moves: FloatArray | None = None) -> FloatArray:
+        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m).
+
+        Args:
+            moves: how calibration moves the features besides, shape (2m, c).
+        """
+        columns = 3 * len(self.solution.poses) + np.arange(2 * len(self.solution.features))
+        joint = self.system.covariance(columns)
+        if self.calibrated.shape[1] == 0:
+            return joint
+        follow = self.system.estimate(self.calibrated)
+        left = self.calibrated - self.system.A @ follow
+        own = np.linalg.inv(self.calibrated.T @ left + np.diag(self.precision))
+        by = follow[columns] if moves is None else follow[columns] + moves
+        return np.asarray(joint + by @ own @ by.T)
+
+    def missed(self) -> FloatArray:
+        """Return the mean square of what features' errors miss of the readings' curvature, shape (m, 2, 2).
+
+        An error e of the features, given the poses, changes what is read by H e and by a rest q(e), which moves the
+        estimate by (AᵀA)⁻¹ Aᵀ q. Exact to the second order of e.
+        """
+        m, first = len(self.solution.features), 3 * len(self.solution.poses)
+        H, each = self.system.A[:, first:], np.arange(m)
+        information = (H.T @ H).toarray().reshape(m, 2, m, 2)[each, :, each, :]
+        e = np.linalg.cholesky(np.linalg.inv(information)) @ NODES.T
+        moved = [self.solution._replace(features=self.solution.features + step) for step in np.moveaxis(e, 2, 0)]
+        now, *after = (self.smoother.reading_residuals(s, self.feature) for s in (self.solution, *moved))
+        change = np.nan_to_num(now[:, :, None] - np.stack(after, axis=2))
+        change[:, 1] = wrap(change[:, 1])
+        still = np.zeros((len(self.solution.poses) - 1, 3, len(NODES)))
+        rest = self.smoother.whitened(self.solution, still, change) - H @ e.reshape(2 * m, -1)
+        off = self.system.estimate(rest)[first:].reshape(m, 2, -1)
+        return np.asarray((WEIGHTS * off) @ np.swapaxes(off, 1, 2))
+
+
+def gauge_free(points: FloatArray) -> FloatArray:
+    """Return the matrix, shape (2m, 2m), that takes off errors x₁, y₁, x₂, … what a rigid motion explains.
+
+    What S leaves of errors are those after the best rigid alignment with the true points, to first order; S Σ Sᵀ is
+    their covariance relative to all points (Baarda's S-transformation).
+    """
+    away = points - points.mean(axis=0)
+    G = np.zeros((2 * len(points), 3))
+    G[0::2, 0] = G[1::2, 1] = 1.0
+    G[0::2, 2], G[1::2, 2] = -away[:, 1], away[:, 0]
+    return np.asarray(np.eye(len(G)) - G @ np.linalg.pinv(G))
+
+
+def relative_covariance(points: FloatArray, joint: FloatArray) -> FloatArray:
+    """Return the covariance (2m, 2m) of points (m, 2) relative to all of them, from that in any frame."""
+    S = gauge_free(points)
+    return np.asarray(S @ joint @ S.T)
+
+
+def motions_of(poses: FloatArray) -> FloatArray:
+    """Return the motions between poses (n, 3), each in the frame that it begins in, shape (n − 1, 3)."""
+    return _into(np.diff(poses, axis=0), poses[:-1, 2])
+
+
 def _square_roots(covariances: FloatArray) -> FloatArray:
     """Return upper triangular R with RᵀR the inverse of each covariance, shape (n, d, d)."""
     return np.swapaxes(np.linalg.cholesky(np.linalg.inv(covariances)), 1, 2)
@@ -275,84 +352,3 @@ def _arms(to: FloatArray) -> FloatArray:
     arms = np.tile(np.eye(3), (len(to), 1, 1))
     arms[:, 0, 2], arms[:, 1, 2] = -to[:, 1], to[:, 0]
     return arms
-
-
-@dataclass(frozen=True)
-class NoiseModel:
-    """What readings and odometry are taken to be like."""
-
-    odometry: OdometryCalibration  # Systematic errors of odometry.
-    sensor: SensorCalibration  # Systematic errors of ranges.
-    motion_variances: FloatArray  # Of each source of odometry's noise, shape (k,).
-    motion_times: FloatArray  # How many successive errors of odometry are worth one, for the same sources, shape (k,).
-    reading_variances: FloatArray  # Of each source of the readings' noise, shape (j,).
-    reading_times: FloatArray  # How many successive errors of readings are worth one, for the same sources, shape (j,).
-
-
-class Estimate(NamedTuple):
-    """What a batch comes to."""
-
-    solution: Solution  # Poses and features.
-    feature: IntArray  # For each reading the number of its feature, negative where it was left out, shape (r,).
-    smoother: Smoother  # The factors.
-    system: LinearSystem  # The factors, linearised at the solution.
-    calibrated: FloatArray  # How the whitened residuals change with calibration, shape (rows, c).
-    precision: FloatArray  # Of the calibration before the log, shape (c,).
-
-    def feature_covariance(self, moves: FloatArray | None = None) -> FloatArray:
-        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m).
-
-        Args:
-            moves: how calibration moves the features besides, shape (2m, c).
-        """
-        first = 3 * len(self.solution.poses)
-        columns = first + np.arange(2 * len(self.solution.features))
-        joint = self.system.covariance(columns)
-        if self.calibrated.shape[1] == 0:
-            return joint
-        follow = self.system.estimate(self.calibrated)
-        left = self.calibrated - self.system.A @ follow
-        own = np.linalg.inv(self.calibrated.T @ left + np.diag(self.precision))
-        by = follow[columns] if moves is None else follow[columns] + moves
-        return np.asarray(joint + by @ own @ by.T)
-
-    def missed(self) -> FloatArray:
-        """Return the mean square of what features' errors miss of the readings' curvature, shape (m, 2, 2).
-
-        An error e of the features, given the poses, changes what is read by H e and by a rest q(e), which moves the
-        estimate by (AᵀA)⁻¹ Aᵀ q. Exact to the second order of e.
-        """
-        m, first = len(self.solution.features), 3 * len(self.solution.poses)
-        H, each = self.system.A[:, first:], np.arange(m)  # a Jacobian
-        information = (H.T @ H).toarray().reshape(m, 2, m, 2)[each, :, each, :]
-        e = np.linalg.cholesky(np.linalg.inv(information)) @ NODES.T
-        moved = [self.solution._replace(features=self.solution.features + step) for step in np.moveaxis(e, 2, 0)]
-        now, *after = (self.smoother.reading_residuals(s, self.feature) for s in (self.solution, *moved))
-        change = np.nan_to_num(now[:, :, None] - np.stack(after, axis=2))
-        change[:, 1] = wrap(change[:, 1])
-        still = np.zeros((len(self.solution.poses) - 1, 3, len(NODES)))
-        rest = self.smoother.whitened(self.solution, still, change) - H @ e.reshape(2 * m, -1)
-        off = self.system.estimate(rest)[first:].reshape(m, 2, -1)
-        return np.asarray((WEIGHTS * off) @ np.swapaxes(off, 1, 2))
-
-
-def relative_covariance(points: FloatArray, joint: FloatArray) -> FloatArray:
-    """Return the covariance of points relative to all of them, shape (2m, 2m).
-
-    The errors that are left are those after the best rigid alignment with the true points, to first order.
-
-    Args:
-        points: shape (m, 2), metres.
-        joint: covariance of x₁, y₁, x₂, y₂, … in any frame, shape (2m, 2m).
-    """
-    S = gauge_free(points)
-    return np.asarray(S @ joint @ S.T)
-
-
-def gauge_free(points: FloatArray) -> FloatArray:
-    """Return the matrix, shape (2m, 2m), that takes off errors x₁, y₁, x₂, … what a rigid motion explains."""
-    away = points - points.mean(axis=0)
-    G = np.zeros((2 * len(points), 3))
-    G[0::2, 0] = G[1::2, 1] = 1.0
-    G[0::2, 2], G[1::2, 2] = -away[:, 1], away[:, 0]
-    return np.asarray(np.eye(len(G)) - G @ np.linalg.pinv(G))

@@ -1,7 +1,4 @@
-"""What a log's obstacles are made of, and where the robot was: by EKF-SLAM, by the log, or by odometry alone.
-
-After EKF-SLAM, a batch over the same log: its noise estimated, all poses and features smoothed.
-"""
+"""Poses and point features of a log with detections: EKF-SLAM, and after it a batch that smooths and fits the noise."""
 
 from __future__ import annotations
 
@@ -11,17 +8,25 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trailmark.estimation.association import AssociationMethod, SlamSettings
 from trailmark.estimation.covariance import checked_covariance
 from trailmark.estimation.ekf_slam import CURVATURE, EkfSlam, MapFeature, SlamResult
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.landmark_graph import Estimate, moved, relative_covariance, rotations, turned
+from trailmark.estimation.landmark_graph import (
+    Estimate,
+    IntArray,
+    Readings,
+    moved,
+    polar_readings,
+    relative_covariance,
+    rotations,
+    turned,
+)
 from trailmark.estimation.map_settings import MappingSettings, MapSettings
 from trailmark.estimation.noise_fit import Batch, figures, inflation, misfit
 from trailmark.estimation.noise_fit import scale as scale_of
-from trailmark.estimation.odometry import OdometryTrack, Readings, polar_readings
+from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Detection, Increment, Log, Pose, Record, Scan, first_pose
 from trailmark.estimation.scan_matching import relative
 from trailmark.estimation.unnamed_features import Labels, associated
@@ -98,9 +103,6 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
     return run._replace(result=batch.result, batch=batch)
 
 
-IntArray = NDArray[np.intp]
-
-
 def _filtered(
     log: Log,
     s: MapSettings,
@@ -151,8 +153,6 @@ def _records(log: Log, s: MapSettings) -> Iterator[Record]:
 # of a rigid motion are half or more, and of one feature all.
 FEWEST = 4
 
-OnRound = Callable[[int, int], None]
-
 
 class BatchResult(NamedTuple):
     """What a batch makes of a log that EKF-SLAM went through."""
@@ -170,7 +170,7 @@ def smoothed(
     begun: Sequence[SlamResult],
     start: FloatArray,
     times: FloatArray,
-    on_round: OnRound | None = None,
+    on_round: Callable[[int, int], None] | None = None,
 ) -> BatchResult:
     """Return the batch optimum of the readings that EKF-SLAM assigned to the features of its map.
 
@@ -185,46 +185,25 @@ def smoothed(
     """
     result = begun[0]
     detections = [assignment.detection for assignment in result.assignments]
-    instants = np.unique([detection.t for detection in detections])
-    feature = _features_of(result)
+    instants, feature = np.unique([detection.t for detection in detections]), _features_of(result)
     track = OdometryTrack(records)
     readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
-    variances = track.stated_variances(settings.velocity, settings.increment)
-    batch = Batch(track, readings, instants, variances)
+    batch = Batch(track, readings, instants, track.stated_variances(settings.velocity, settings.increment))
     guesses = [_poses_at(each.trajectory, instants, start) for each in begun]
     first = [(poses, _first_places(each, readings, poses, feature)) for each, poses in zip(begun, guesses, strict=True)]
-    poses, places = batch.best_of(first, feature)
-    named = any(f.identity is not None for f in result.features)
-    estimate = batch.solve(poses, places, feature)
-    stated = misfit(batch, estimate)
-    wrong = stated.understated or (stated.overstated and settings.default_noise)
-    auto = settings.fit_noise == "auto"
-    if named and (settings.fit_noise == "on" or (auto and wrong)):
-        estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
-    if not named:
+    estimate = batch.solve(*batch.best_of(first, feature), feature)
+    stated, auto = misfit(batch, estimate), settings.fit_noise == "auto"
+    if any(f.identity is not None for f in result.features):
+        wrong = stated.understated or (stated.overstated and settings.default_noise)
+        if settings.fit_noise == "on" or (auto and wrong):
+            estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
+    else:
         # Wrong assignments look like noise: whether it is wrong cannot be told before.
         fit = settings.fit_noise == "on" or (auto and not (readings.stated and track.states_noise))
         labels = Labels(estimate.solution.features, feature)
-        (labels, estimate) = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
+        labels, estimate = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
         result, feature = _relabelled(result, labels), labels.feature
-    # Nothing but odometry says how the robot came to where it read first, so that it is no matter of the factors'. The
-    # start is a second before the first record, since an increment ends at its time.
-    ways = np.array([times[0] - 1.0, instants[0]])
-    way = track.motions(ways, batch.noise.odometry)
-    estimate = _begun_at(estimate, compose(start, way.u[0]))
-    along = np.zeros((2 * len(estimate.solution.features), 3))
-    along[0::2, 0] = along[1::2, 1] = 1.0
-    x, y = (estimate.solution.features - estimate.solution.poses[0, :2]).T
-    along[0::2, 2], along[1::2, 2] = -y, x
-    turn = rotations(start[2:])[0]
-    moves = np.zeros((len(along), estimate.calibrated.shape[1]))
-    moves[:, :5] = (along @ turn @ batch.motion_changes(ways)[0])[:, : moves.shape[1]]
-    joint = estimate.feature_covariance(moves)
-    if batch.fitted:
-        joint *= inflation(batch, estimate)
-    lead = along @ turned(batch.motion_covariance(way), start[2:])[0] @ along.T
-    found = _Found(batch, track, estimate, feature, joint, lead, start, figures(batch, estimate, stated))
-    return _result(found, result, settings, times)
+    return _result(batch, estimate, feature, start, result, times, figures(batch, estimate, stated))
 
 
 def _begun_at(estimate: Estimate, pose: FloatArray) -> Estimate:
@@ -273,23 +252,32 @@ def _first_places(result: SlamResult, readings: Readings, poses: FloatArray, fea
     return places
 
 
-class _Found(NamedTuple):
-    """What the batch came to."""
-
-    batch: Batch
-    track: OdometryTrack
-    estimate: Estimate
-    feature: IntArray
-    joint: FloatArray  # Covariance of the features beside the first reading's pose.
-    lead: FloatArray  # What that pose's own, beside the start, adds.
-    start: FloatArray
-    figures: dict[str, Any]
-
-
-def _result(found: _Found, result: SlamResult, settings: MapSettings, times: FloatArray) -> BatchResult:
-    batch, _, estimate, feature, joint, lead, start, plain = found
-    scale, solution = scale_of(batch, estimate), estimate.solution
-    origin = start[:2]
+def _result(
+    batch: Batch,
+    estimate: Estimate,
+    feature: IntArray,
+    start: FloatArray,
+    result: SlamResult,
+    times: FloatArray,
+    plain: dict[str, Any],
+) -> BatchResult:
+    """Return what the batch came to in the start's frame and in that of the features, with the scale's uncertainty."""
+    # Nothing but odometry says how the robot came to where it read first, so that it is no matter of the factors'. The
+    # start is a second before the first record, since an increment ends at its time.
+    ways = np.array([times[0] - 1.0, batch.instants[0]])
+    way = batch.motions(ways)
+    estimate = _begun_at(estimate, compose(start, way.u[0]))
+    solution, scale, origin = estimate.solution, scale_of(batch, estimate), start[:2]
+    along = np.zeros((2 * len(solution.features), 3))
+    along[0::2, 0] = along[1::2, 1] = 1.0
+    x, y = (solution.features - solution.poses[0, :2]).T
+    along[0::2, 2], along[1::2, 2] = -y, x
+    moves = np.zeros((len(along), estimate.calibrated.shape[1]))
+    moves[:, :5] = (along @ rotations(start[2:])[0] @ batch.motion_changes(ways)[0])[:, : moves.shape[1]]
+    joint = estimate.feature_covariance(moves)
+    if batch.fitted:
+        joint *= inflation(batch, estimate)
+    lead = along @ turned(batch.motion_covariance(way), start[2:])[0] @ along.T
     means = origin + scale.factor * (solution.features - origin)
     poses = solution.poses.copy()
     poses[:, :2] = origin + scale.factor * (poses[:, :2] - origin)
@@ -301,20 +289,20 @@ def _result(found: _Found, result: SlamResult, settings: MapSettings, times: Flo
         0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]])
         for P in (joint + lead, relative_covariance(means, joint))
     )
-    between, covariances = poses_between(found, poses, times)
     blocks += _bent(means - origin, lead[own[:, :, None], own[:, None, :]])
+    between, covariances = _poses_between(batch, estimate, poses, times)
+    used = estimate.feature[estimate.feature >= 0]
+    readings = np.bincount(used, minlength=len(means)).tolist()
     features = tuple(
-        f._replace(mean=mean, covariance=block, readings=int(np.count_nonzero(estimate.feature == i)))
-        for i, (f, mean, block) in enumerate(zip(result.features, means, blocks, strict=True))
+        f._replace(mean=mean, covariance=block, readings=count)
+        for f, mean, block, count in zip(result.features, means, blocks, readings, strict=True)
     )
     outliers = int(np.count_nonzero((feature >= 0) & (estimate.feature < 0)))
-    used = int(np.count_nonzero(estimate.feature >= 0))
-    counts = replace(result.counts, outliers=outliers, used=used)
     smooth = result._replace(
         trajectory=np.column_stack([times, between]),
         covariances=covariances,
         features=features,
-        counts=counts,
+        counts=replace(result.counts, outliers=outliers, used=len(used)),
     )
     return BatchResult(smooth, within if len(means) >= FEWEST else None, plain)
 
@@ -328,20 +316,17 @@ def _bent(away: FloatArray, lead: FloatArray) -> FloatArray:
     return np.asarray(1.5 * turn[:, None, None] ** 2 * (away[:, :, None] * away[:, None, :]))
 
 
-def poses_between(found: _Found, poses: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return poses at times, shape (k, 3), and their covariances, shape (k, 3, 3).
+def _poses_between(
+    batch: Batch, estimate: Estimate, poses: FloatArray, times: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return poses at times (k,), ascending, from estimated ones (n, 3): shape (k, 3), and covariances (k, 3, 3).
 
     They are by odometry from the last estimated pose, led to the next one: what the odometry misses that by is spread
     over the time between the two.
-
-    Args:
-        found: the batch.
-        poses: estimated, shape (n, 3).
-        times: shape (k,), ascending.
     """
-    batch, instants = found.batch, found.batch.instants
+    instants = batch.instants
     every = np.union1d(times, [times[0] - 1.0, *instants])
-    motions = found.track.motions(every, batch.noise.odometry)
+    motions = batch.motions(every)
     u = motions.u
     heading = np.concatenate([[0.0], np.cumsum(u[:, 2])])
     cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
@@ -371,7 +356,7 @@ def poses_between(found: _Found, poses: FloatArray, times: FloatArray) -> tuple[
         moved(grown[i] - grown[j], place - poses[0, :2])
         for i, j in ((inside, first), (second, first), (number, inside))
     )
-    estimated, least = found.estimate.smoother.pair_covariances(found.estimate.solution)
+    estimated, least = estimate.smoother.pair_covariances(estimate.solution)
     share = before @ np.linalg.inv(whole + least[pair])
     both = np.concatenate([np.eye(3) - share, share], axis=2)
     P = both @ estimated[pair] @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance

@@ -1,43 +1,55 @@
-# ruff: noqa: N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""Poses, features, calibration and noise of a whole log, estimated in turns.
+# ruff: noqa: N806 # the names are those of the literature: A, P, R, S, V
+"""Poses, features, calibration and noise of a whole log, estimated in turns; what an estimate leaves, judged.
 
 Given noise and calibration, poses and features are the optimum of the factors. Given these, the calibration's next step
 is the one that least squares takes with poses and features free to follow (variable projection: Golub & Pereyra 1973,
-SIAM Journal on Numerical Analysis 10(2)), and the noise is what the residuals show (:mod:`.noise`).
-
-What an estimate leaves, judged: does it fit its noise, which association is better, how sure is the map?
+SIAM Journal on Numerical Analysis 10(2)), and the noise is what the residuals show (variance components).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from trailmark.estimation.covariance import chi_square_quantile
-from trailmark.estimation.landmark_graph import Estimate, IntArray, NoiseModel, Smoother, Solution, gauge_free
-from trailmark.estimation.odometry import Motions, OdometryCalibration, OdometryTrack, Readings, SensorCalibration
+from trailmark.estimation.landmark_graph import (
+    Estimate,
+    IntArray,
+    LinearSystem,
+    Readings,
+    Smoother,
+    Solution,
+    gauge_free,
+    motions_of,
+)
+from trailmark.estimation.odometry import UNCALIBRATED, Motions, OdometryTrack
 from trailmark.se2 import FloatArray
 
-SMALLEST = 1e-12  # The least variance, so that a source that shows no noise can come back.
-ROUNDS = 8  # How often at most poses, calibration and noise are estimated in turns: mostly four or five settle them.
+SMALLEST = 1e-12  # the least variance, so that a source that shows no noise can come back
+ROUNDS = 8  # how often at most poses, calibration and noise are estimated in turns: mostly four or five settle them
 # Probability that a good reading passes: of ten thousand one is left out wrongly, a misread one nearly always.
 GATE = 0.9999
 # Standard deviations of the errors that instruments are expected to have before anything is known of the log: of the
-# scale of distances and of turns, as slip, inertia and an uncertain wheelbase leave it; radians for each metre
-# (wheels that differ by 3 % on a base of 0.3 m turn a robot by 0.1); radians between the sensor's axis and the
-# direction of driving (a mount is 3 degrees off); seconds from an odometry record to the motion (transport, inertia);
-# of a range's relative error that grows with the bearing, by each radian, and with its square: a camera that takes
-# depth for range has −0.5.
+# scale of distances and of turns, as slip, inertia and an uncertain wheelbase leave it; radians for each metre (wheels
+# that differ by 3 % on a base of 0.3 m turn a robot by 0.1); radians between the sensor's axis and the direction of
+# driving (a mount is 3 degrees off); seconds from an odometry record to the motion (transport, inertia); of a range's
+# relative error that grows with the bearing, by each radian, and with its square: a camera that takes depth for range
+# has −0.5.
 EXPECTED = np.array([0.2, 0.2, 0.1, 0.05, 0.3, 0.1, 0.5])
-LOST = 4.0  # Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out.
+# Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out.
+LOST = 4.0
 # Relative error that is enough while noise is still estimated; change, in deviations, after which nothing changes.
 ROUGH, SETTLED = 1e-4, 0.03
 # How far each number of the odometry's calibration is moved to see what the motions become: a hundredth of a second
 # covers the time between records.
 STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-2])
+# How uncertain the scale of all ranges is, as a share of the relative error that is found across the view: no reading
+# shows it, and a sensor that is wrong by some percent from one bearing to another is not right on average.
+SCALE_SHARE = 0.25
+ODOMETRY_SCALE_SIGMA = 0.03  # how uncertain the scale of all that was driven is: the size of wheels is known to a few %
+FEW = 30.0  # expected squares below which no ratio is judged: that of 30 varies by a quarter
 
 
 def updated_variances(
@@ -60,7 +72,10 @@ def updated_variances(
 
 
 def correlation_time(sequences: Iterable[FloatArray], longest: int = 200) -> float:
-    """Return τ >= 1: how many successive residuals are worth one that is independent of the others."""
+    """Return τ >= 1: how many successive residuals are worth one that is independent of the others.
+
+    The sequences are of residuals in the order of time, each of one feature or one axis; ``longest`` is a lag.
+    """
     products, counts, square, size = np.zeros(longest + 1), np.zeros(longest + 1), 0.0, 0
     for sequence in sequences:
         n = len(sequence)
@@ -81,8 +96,21 @@ def correlation_time(sequences: Iterable[FloatArray], longest: int = 200) -> flo
     return tau
 
 
+class Noise(NamedTuple):
+    """What readings and odometry are taken to be like."""
+
+    calibration: FloatArray  # systematic errors: the odometry's five, then a and b of ranges, shape (7,)
+    motion_variances: FloatArray  # of each source of odometry's noise, shape (k,)
+    motion_times: FloatArray  # how many successive errors of odometry are worth one, for the same sources, shape (k,)
+    reading_variances: FloatArray  # of each source of the readings' noise, shape (j,)
+    reading_times: FloatArray  # how many successive errors of readings are worth one, likewise, shape (j,)
+
+
 class Batch:
     """A log's odometry and readings.
+
+    Ranges err by the bearing β: what is read is r·exp(a (β − β₁) + b (β² − β₂)), r the range, β₁ and β₂ the means over
+    the log's readings. A camera that reads depth for range has b = −1/2, since cos β is about 1 − β²/2.
 
     Args:
         track: the odometry.
@@ -92,34 +120,23 @@ class Batch:
     """
 
     def __init__(
-        self,
-        track: OdometryTrack,
-        readings: Readings,
-        instants: FloatArray,
-        motion_variances: FloatArray,
+        self, track: OdometryTrack, readings: Readings, instants: FloatArray, motion_variances: FloatArray
     ) -> None:
-        self.instants, self.raw = instants, readings
-        self.track, self.rng = track, np.random.default_rng(0)
-        bearing = readings.z[:, 1]
-        middle = (float(bearing.mean()), float((bearing**2).mean()))
-        k = len(motion_variances)
-        self.noise = NoiseModel(
-            OdometryCalibration(),
-            SensorCalibration(middle=middle),
-            motion_variances,
-            np.ones(k),
-            np.ones(2),
-            np.ones(2),
-        )
+        self.track, self.raw, self.instants, self.rng = track, readings, instants, np.random.default_rng(0)
+        powers = readings.z[:, 1:] ** [1, 2]
+        self.bent = powers - powers.mean(axis=0)  # what a and b are multiplied by, shape (r, 2)
+        calibration = np.append(UNCALIBRATED, [0.0, 0.0])
+        self.noise = Noise(calibration, motion_variances, np.ones(len(motion_variances)), np.ones(2), np.ones(2))
         # Until noise is estimated: ranges' and bearings' own covariance, as stated.
         self.sources = np.zeros((len(readings.z), 2, 2, 2))
         self.sources[:, 0, 0, 0] = readings.covariance[:, 0, 0]
         self.sources[:, 1, 1, 1] = readings.covariance[:, 1, 1]
         self.fitted = False
 
-    def motions(self) -> Motions:
-        """Return the motions between the instants, calibrated."""
-        return self.track.motions(self.instants, self.noise.odometry)
+    def motions(self, instants: FloatArray | None = None, *, covariances: bool = True) -> Motions:
+        """Return the motions between the instants, or others, calibrated."""
+        at = self.instants if instants is None else instants
+        return self.track.motions(at, self.noise.calibration[:5], covariances=covariances)
 
     def motion_covariance(self, motions: Motions) -> FloatArray:
         """Return their covariances, shape (n − 1, 3, 3)."""
@@ -127,10 +144,9 @@ class Batch:
 
     def motion_changes(self, instants: FloatArray) -> FloatArray:
         """Return how the motions between instants, shape (n,), change with odometry's calibration, (n − 1, 3, 5)."""
-        now, changes = self.noise.odometry.array(), np.zeros((len(instants) - 1, 3, 5))
-        u = self.track.motions(instants, self.noise.odometry, covariances=False).u
+        changes, u = np.zeros((len(instants) - 1, 3, 5)), self.motions(instants, covariances=False).u
         for i, step in enumerate(np.diag(STEPS)[: 5 if self.track.by_velocities else 4]):
-            other = self.track.motions(instants, OdometryCalibration(*(now + step).tolist()), covariances=False).u
+            other = self.track.motions(instants, self.noise.calibration[:5] + step, covariances=False).u
             changes[:, :, i] = (other - u) / step.max()
         return changes
 
@@ -140,7 +156,8 @@ class Batch:
             return self.raw
         times = 1.0 if single else self.noise.reading_times
         R = np.einsum("k,nkij->nij", self.noise.reading_variances * times, self.sources)
-        return self.raw._replace(z=self.noise.sensor.corrected(self.raw.z), covariance=R)
+        ranges = self.raw.z[:, 0] * np.exp(-self.bent @ self.noise.calibration[5:])
+        return self.raw._replace(z=np.column_stack([ranges, self.raw.z[:, 1]]), covariance=R)
 
     def best_of(
         self, guesses: Sequence[tuple[FloatArray, FloatArray]], feature: IntArray
@@ -148,10 +165,8 @@ class Batch:
         """Return the guess, poses (n, 3) and features (m, 2), that leads to the least error with all readings used."""
         if len(guesses) == 1:
             return guesses[0]
-        motions = self.motions()
-        smoother = Smoother(motions.u, self.motion_covariance(motions), self.readings(), feature, GATE)
-        found = [smoother.solve(poses, features, ROUGH) for poses, features in guesses]
-        best = min(found, key=lambda solution: solution.error)
+        smoother, _ = self._smoother(feature)
+        best = min((smoother.solve(*guess, ROUGH) for guess in guesses), key=lambda solution: solution.error)
         return best.poses, best.features
 
     def solve(self, poses: FloatArray, features: FloatArray, feature: IntArray) -> Estimate:
@@ -162,11 +177,9 @@ class Batch:
             features: likewise, shape (m, 2).
             feature: for each reading the number of its feature; negative ones are left out.
         """
-        motions, readings = self.motions(), self.readings()
-        P = self.motion_covariance(motions)
         solution, good = Solution(poses, features, np.inf), feature
         for _ in range(3):
-            smoother = Smoother(motions.u, P, readings, good, GATE)
+            smoother, motions = self._smoother(good)
             solution = smoother.solve(solution.poses, solution.features)
             before, good = good, self._judged(smoother, solution, feature)
             if (before == good).all():
@@ -185,8 +198,7 @@ class Batch:
         self._begin_fit()
         solution, good = Solution(poses, features, np.inf), feature
         for i in range(ROUNDS):
-            motions, readings, before = self.motions(), self.readings(), self.noise
-            smoother = Smoother(motions.u, self.motion_covariance(motions), readings, good, GATE)
+            (smoother, motions), readings, before = self._smoother(good), self.readings(), self.noise
             solution = smoother.solve(solution.poses, solution.features, ROUGH)
             good = self._improve(smoother, solution, motions, feature)
             settled = self._change(before, motions, readings) < SETTLED
@@ -196,22 +208,27 @@ class Batch:
                 break
         return self.solve(solution.poses, solution.features, feature)
 
-    def _change(self, before: NoiseModel, motions: Motions, readings: Readings) -> float:
+    def correlation_times(
+        self, smoother: Smoother, solution: Solution, moved: FloatArray, feature: IntArray
+    ) -> tuple[float, float, float, float]:
+        """Return how many successive errors are worth one: of ranges, bearings, distances and headings."""
+        sigma = np.sqrt(np.diagonal(self.readings(single=True).covariance, axis1=1, axis2=2))
+        off = smoother.reading_residuals(solution, feature) / sigma
+        tracks = [off[feature == j] for j in range(len(solution.features))]
+        ranges, bearings = (correlation_time([track[:, a] for track in tracks]) for a in (0, 1))
+        return ranges, bearings, correlation_time([moved[:, 0]]), correlation_time([moved[:, 2]])
+
+    def _smoother(self, feature: IntArray) -> tuple[Smoother, Motions]:
+        motions = self.motions()
+        return Smoother(motions.u, self.motion_covariance(motions), self.readings(), feature, GATE), motions
+
+    def _change(self, before: Noise, motions: Motions, readings: Readings) -> float:
         """Return by how much of their deviation, at most, noise and typical readings and motions have changed."""
-        moved, old = self.track.motions(self.instants, self.noise.odometry, covariances=False).u, motions.u
-        P = motions.covariance(before.motion_variances * before.motion_times)
-        size = np.sqrt(np.median(np.diagonal(P, axis1=1, axis2=2), axis=0)) + 1e-9
-        R, new = readings.covariance, self.readings()
-        sigma = np.sqrt(np.median(np.diagonal(R, axis1=1, axis2=2), axis=0))
-        return max(
-            float((np.median(np.abs(moved - old), axis=0) / size).max()),
-            float((np.median(np.abs(new.z - readings.z), axis=0) / sigma).max()),
-            float(
-                np.abs(
-                    np.log(np.median(np.diagonal(new.covariance, axis1=1, axis2=2), axis=0)) / 2.0 - np.log(sigma)
-                ).max()
-            ),
-        )
+        P, new = motions.covariance(before.motion_variances * before.motion_times), self.readings()
+        size, sigma, now = (_typical_sigma(each) for each in (P, readings.covariance, new.covariance))
+        off = np.median(np.abs(self.motions(covariances=False).u - motions.u), axis=0) / (size + 1e-9)
+        read = np.median(np.abs(new.z - readings.z), axis=0) / sigma
+        return float(max(off.max(), read.max(), np.abs(np.log(now / sigma)).max()))
 
     def _begin_fit(self) -> None:
         """Give the readings' noise the sources that are estimated: by range where the log states nothing."""
@@ -223,75 +240,49 @@ class Batch:
         self.sources[:, 0, 0, 0], self.sources[:, 1, 0, 0] = 1.0, r**2
         self.sources[:, 2, 1, 1], self.sources[:, 3, 1, 1] = 1.0, 1.0 / r**2
         if len(self.noise.reading_variances) == 2:
-            size = np.median(r)
-            level = [np.median(self.raw.covariance[:, j, j]) for j in (0, 1)]
+            size, level = np.median(r), [np.median(self.raw.covariance[:, j, j]) for j in (0, 1)]
             start = 0.5 * np.array([level[0], level[0] / size**2, level[1], level[1] * size**2])
-            self.noise = replace(self.noise, reading_variances=start, reading_times=np.ones(4))
+            self.noise = self.noise._replace(reading_variances=start, reading_times=np.ones(4))
 
     def _improve(self, smoother: Smoother, solution: Solution, motions: Motions, feature: IntArray) -> IntArray:
         """Take the next step in calibration and noise; return the readings' features without outliers."""
-        noise, n = self.noise, len(motions.u)
-        system = smoother.linearised(solution)
+        noise, n, system = self.noise, len(motions.u), smoother.linearised(solution)
         moved, read = smoother.residuals(solution)
         b = smoother.whitened(solution, moved[:, :, None], np.nan_to_num(read)[:, :, None])
         calibrated, precision = self._calibration_columns(smoother, solution, motions)
         left = system.unexplained(calibrated)
-        odometry, sensor = noise.odometry.array(), noise.sensor.array()
-        now = np.concatenate([odometry - OdometryCalibration().array(), sensor])
+        now = noise.calibration - np.append(UNCALIBRATED, [0.0, 0.0])
         step = np.linalg.solve(calibrated.T @ left + np.diag(precision), (left.T @ b)[:, 0] + precision * now)
         redundancy = system.redundancy(self.rng)
-        motion_rows, reading_rows = slice(0, 3 * n), slice(3 * n, -3)
-        motion_variances = updated_variances(
-            noise.motion_variances * noise.motion_times,
-            smoother.components_at_end(motions.components),
-            smoother.motion_roots,
-            b[motion_rows].reshape(-1, 3),
-            redundancy[motion_rows].reshape(-1, 3),
-        )
-        reading_variances = updated_variances(
-            noise.reading_variances * noise.reading_times,
-            self.sources[smoother.used],
-            smoother.reading_roots,
-            b[reading_rows].reshape(-1, 2),
-            redundancy[reading_rows].reshape(-1, 2),
-        )
-        tilt, projection = (sensor - step[5:]).tolist()
-        self.noise = replace(
-            noise,
-            motion_variances=motion_variances,
-            reading_variances=reading_variances,
-            odometry=OdometryCalibration(*(odometry - step[:5]).tolist()),
-            sensor=replace(noise.sensor, tilt=tilt, projection=projection),
+        of_motions, of_readings = (
+            updated_variances(
+                variances, components, roots, b[rows].reshape(-1, width), redundancy[rows].reshape(-1, width)
+            )
+            for variances, components, roots, rows, width in (
+                (noise.motion_variances * noise.motion_times, smoother.components_at_end(motions.components),
+                 smoother.motion_roots, slice(0, 3 * n), 3),
+                (noise.reading_variances * noise.reading_times, self.sources[smoother.used],
+                 smoother.reading_roots, slice(3 * n, -3), 2),
+            )
+        )  # fmt: skip
+        self.noise = noise._replace(
+            calibration=noise.calibration - step, motion_variances=of_motions, reading_variances=of_readings
         )
         good = self._judged(smoother, solution, feature)
         ranges, bearings, along, turning = self.correlation_times(smoother, solution, moved, good)
-        k = len(noise.motion_variances)
-        self.noise = replace(
-            self.noise,
-            reading_times=np.repeat([ranges, bearings], len(noise.reading_variances) // 2),
+        k = len(of_motions)
+        self.noise = self.noise._replace(
+            reading_times=np.repeat([ranges, bearings], len(of_readings) // 2),
             motion_times=np.where(np.arange(k) < k // 2, along, turning),
         )
         return good
 
-    def correlation_times(
-        self, smoother: Smoother, solution: Solution, moved: FloatArray, feature: IntArray
-    ) -> tuple[float, float, float, float]:
-        """Return how many successive errors are worth one: of ranges, bearings, distances and headings."""
-        every = smoother.reading_residuals(solution, feature)
-        sigma = np.sqrt(np.diagonal(self.readings(single=True).covariance, axis1=1, axis2=2))
-        tracks = [np.flatnonzero(feature == j) for j in range(len(solution.features))]
-        ranges, bearings = (correlation_time([every[track, a] / sigma[track, a] for track in tracks]) for a in (0, 1))
-        return ranges, bearings, correlation_time([moved[:, 0]]), correlation_time([moved[:, 2]])
-
     def _judged(self, smoother: Smoother, solution: Solution, feature: IntArray) -> IntArray:
         """Return the readings' features, negative for readings that are farther from them than the gate allows."""
-        y = smoother.reading_residuals(solution, feature)
-        S = self.readings(single=True).covariance
-        d2 = np.where(
-            feature >= 0, np.einsum("ni,nij,nj->n", np.nan_to_num(y), np.linalg.inv(S), np.nan_to_num(y)), 0.0
-        )
         if not (feature >= 0).any():
             return feature
+        y = np.nan_to_num(smoother.reading_residuals(solution, feature))
+        d2 = np.einsum("ni,nij,nj->n", y, np.linalg.inv(self.readings(single=True).covariance), y)
         # While the noise is still unknown, half of the readings are taken to be good ones.
         scale = max(1.0, float(np.median(d2[feature >= 0]) / chi_square_quantile(0.5, 2)))
         good = np.where(d2 <= LOST * scale * chi_square_quantile(GATE, 2), feature, -1)
@@ -303,44 +294,32 @@ class Batch:
         self, smoother: Smoother, solution: Solution, motions: Motions
     ) -> tuple[FloatArray, FloatArray]:
         """Return how the whitened residuals change with calibration, and the precision it has before the log."""
-        r, n = self.raw.z, len(motions.u)
+        r, n = len(self.raw.z), len(motions.u)
         if not self.fitted:
             return np.zeros((3 * n + 2 * len(smoother.used) + 3, 0)), np.zeros(0)
-        changes = np.moveaxis(self.motion_changes(self.instants), 2, 0)
-        of_motions = np.stack([smoother.at_end(change) for change in changes], axis=2)
-        bent = self.noise.sensor.basis(r[:, 1])
-        across = self.readings().z[:, :1] * bent
-        of_readings = np.stack([-across, np.zeros_like(across)], axis=1)
-        columns = np.hstack(
-            [
-                smoother.whitened(solution, of_motions, np.zeros((len(r), 2, 5))),
-                smoother.whitened(solution, np.zeros((n, 3, 2)), of_readings),
-            ]
-        )
-        return columns, EXPECTED**-2.0
+        of_motions, of_readings = np.zeros((n, 3, 7)), np.zeros((r, 2, 7))
+        for i, change in enumerate(np.moveaxis(self.motion_changes(self.instants), 2, 0)):
+            of_motions[:, :, i] = smoother.at_end(change)
+        of_readings[:, 0, 5:] = -self.readings().z[:, :1] * self.bent
+        return smoother.whitened(solution, of_motions, of_readings), EXPECTED**-2.0
 
 
-# How uncertain the scale of all ranges is, as a share of the relative error that is found across the view: no reading
-# shows it, and a sensor that is wrong by some percent from one bearing to another is not right on average.
-SCALE_SHARE = 0.25
-# How uncertain the scale of all that was driven is: the size of wheels is known to a few percent.
-ODOMETRY_SCALE_SIGMA = 0.03
-FEW = 30.0  # Expected squares below which no ratio is judged: that of 30 varies by a quarter.
+def _typical_sigma(covariances: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.median(np.diagonal(covariances, axis1=1, axis2=2), axis=0)))
 
 
 class Scale(NamedTuple):
     """The scale of a map, which nothing but the instruments' own calibration states."""
 
-    factor: float  # By which to multiply what was estimated as if ranges were right on average.
-    sigma: float  # Relative standard deviation of what that gives.
+    factor: float  # by which to multiply what was estimated as if ranges were right on average
+    sigma: float  # relative standard deviation of what that gives
 
 
 class Misfit(NamedTuple):
-    """How the residuals compare to the noise that an estimate was made with."""
+    """How the residuals of "range", "bearing", "distance" and "heading" compare to the noise of an estimate."""
 
-    # Squared residuals for each expected one, of "range", "bearing", "distance" and "heading".
-    ratios: dict[str, float]
-    times: dict[str, float]  # How many successive errors are worth one, likewise.
+    ratios: dict[str, float]  # squared residuals for each expected one
+    times: dict[str, float]  # how many successive errors are worth one
 
     @property
     def understated(self) -> bool:
@@ -360,34 +339,24 @@ class Misfit(NamedTuple):
 def misfit(batch: Batch, estimate: Estimate) -> Misfit:
     """Return how an estimate's residuals compare to its noise."""
     smoother, solution = estimate.smoother, estimate.solution
-    n = len(solution.poses) - 1
     moved, read = smoother.residuals(solution)
     square = smoother.whitened(solution, moved[:, :, None], np.nan_to_num(read)[:, :, None])[:, 0] ** 2
-    redundancy = estimate.system.redundancy(batch.rng)
-    ratios = {}
-    for name, rows in (
-        ("range", slice(3 * n, -3, 2)),
-        ("bearing", slice(3 * n + 1, -3, 2)),
-        ("distance", slice(0, 3 * n, 3)),
-        ("heading", slice(2, 3 * n, 3)),
-    ):
+    redundancy, n = estimate.system.redundancy(batch.rng), 3 * len(moved)
+    names, ratios = ("range", "bearing", "distance", "heading"), {}
+    places = slice(n, -3, 2), slice(n + 1, -3, 2), slice(0, n, 3), slice(2, n, 3)
+    for name, rows in zip(names, places, strict=True):
         expected = float(redundancy[rows].sum())
         # A sum of squares that is expected to be small says nothing.
         ratios[name] = float(square[rows].sum()) / expected if expected > FEW else 1.0
     times = batch.correlation_times(smoother, solution, moved, estimate.feature)
-    return Misfit(ratios, dict(zip(("range", "bearing", "distance", "heading"), times, strict=True)))
+    return Misfit(ratios, dict(zip(names, times, strict=True)))
 
 
 def description_length(batch: Batch, estimate: Estimate, feature: IntArray) -> float:
     """Return how badly features explain the readings: less for a better association, fewer features among the like.
 
     The criterion of Schwarz 1978 (Estimating the dimension of a model, Annals of Statistics 6(2)), in which a
-    reading that is of no feature costs as much as the gate allows.
-
-    Args:
-        batch: the log, with its noise.
-        estimate: with these features.
-        feature: for each reading the number of its feature, or -1.
+    reading that is of no feature, number -1 in ``feature``, costs as much as the gate allows.
     """
     y = np.nan_to_num(estimate.smoother.reading_residuals(estimate.solution, feature))
     R = batch.readings(single=True).covariance
@@ -404,38 +373,31 @@ def inflation(batch: Batch, estimate: Estimate) -> float:
     The halves share neither readings nor odometry. What their maps differ by, relative to all features that both
     have, should be as their covariances say; errors that last longer than any correlation shows make it larger.
     """
-    cut = len(batch.instants) // 2
-    parts = []
-    motions, readings = batch.motions(), batch.readings()
+    n = len(batch.instants)
+    motions, readings, parts = batch.motions(), batch.readings(), []
     P = batch.motion_covariance(motions)
-    for first, last in ((0, cut), (cut, len(batch.instants))):
-        own = (readings.instant >= first) & (readings.instant < last)
-        part = readings._replace(
-            instant=readings.instant[own] - first, z=readings.z[own], covariance=readings.covariance[own]
-        )
+    for first, last in ((0, n // 2), (n // 2, n)):
+        own = (readings.instant >= first) & (readings.instant < last) & (estimate.feature >= 0)
+        part = Readings(readings.instant[own] - first, readings.z[own], readings.covariance[own], readings.stated)
         seen, feature = np.unique(estimate.feature[own], return_inverse=True)
-        seen, feature = (seen[1:], feature - 1) if len(seen) and seen[0] < 0 else (seen, feature)
         inside = slice(first, last - 1)
         smoother = Smoother(motions.u[inside], P[inside], part, feature, GATE)
         solution = smoother.solve(estimate.solution.poses[first:last], estimate.solution.features[seen], ROUGH)
-        columns = 3 * (last - first) + np.arange(2 * len(seen))
-        parts.append((seen, solution.features, smoother.linearised(solution).covariance(columns)))
+        parts.append((seen, solution.features, smoother.linearised(solution)))
     both = np.intersect1d(parts[0][0], parts[1][0])
     if len(both) < 4:
         return 1.0
     gap, joint = np.zeros((len(both), 2)), np.zeros((2 * len(both), 2 * len(both)))
-    places = estimate.solution.features[both]
-    for sign, (seen, found, covariance) in zip((1.0, -1.0), parts, strict=True):
+    system: LinearSystem
+    for sign, (seen, found, system) in zip((1.0, -1.0), parts, strict=True):
         at = np.searchsorted(seen, both)
-        rows = (2 * at[:, None] + np.arange(2)).reshape(-1)
         gap += sign * found[at]
-        joint += covariance[np.ix_(rows, rows)]
-    S = gauge_free(places)
-    difference = S @ gap.reshape(-1)
-    dof = 2 * len(both) - 3
+        first = system.A.shape[1] - 2 * len(seen)
+        joint += system.covariance((first + 2 * at[:, None] + np.arange(2)).reshape(-1))
+    S = gauge_free(estimate.solution.features[both])
     values, vectors = np.linalg.eigh(S @ joint @ S.T)
-    d2 = float(((vectors[:, 3:].T @ difference) ** 2 / values[3:]).sum())
-    return max(1.0, d2 / dof)
+    d2 = float(((vectors[:, 3:].T @ (S @ gap.reshape(-1))) ** 2 / values[3:]).sum())
+    return max(1.0, d2 / (2 * len(both) - 3))
 
 
 def scale(batch: Batch, estimate: Estimate) -> Scale:
@@ -445,26 +407,26 @@ def scale(batch: Batch, estimate: Estimate) -> Scale:
     """
     if not batch.fitted:
         return Scale(1.0, 0.0)
-    sensor = batch.noise.sensor
-    ranges = SCALE_SHARE * float(np.std(sensor.basis(batch.raw.z[:, 1]) @ sensor.array()))
-    raw = batch.track.motions(batch.instants, replace(batch.noise.odometry, distance=1.0), covariances=False).u
-    real = estimate.smoother.motions_of(estimate.solution)[:, :2]
-    stated = np.hypot(*raw[:, :2].T)
-    along = (real * raw[:, :2]).sum(axis=1) / np.where(stated > 0.0, stated, 1.0)
+    ranges = SCALE_SHARE * float(np.std(batch.bent @ batch.noise.calibration[5:]))
+    uncalibrated = np.append(1.0, batch.noise.calibration[1:5])
+    raw = batch.track.motions(batch.instants, uncalibrated, covariances=False).u[:, :2]
+    stated = np.hypot(*raw.T)
+    real = (motions_of(estimate.solution.poses)[:, :2] * raw).sum(axis=1)
+    along = float((real / np.where(stated > 0.0, stated, 1.0)).sum())
     weight = ranges**2 / (ranges**2 + ODOMETRY_SCALE_SIGMA**2)
-    excess = np.log(stated.sum() / along.sum()) if along.sum() > 0.0 else 0.0
+    excess = np.log(stated.sum() / along) if along > 0.0 else 0.0
     return Scale(float(np.exp(weight * excess)), float(ranges * np.sqrt(1.0 - weight)))
 
 
 def figures(batch: Batch, estimate: Estimate, stated: Misfit) -> dict[str, Any]:
     """Return what was found, as plain data that JSON can hold."""
-    used = int(np.count_nonzero(estimate.feature >= 0))
-    noise, of_map = batch.noise, scale(batch, estimate)
+    found, of_map = batch.noise.calibration.tolist(), scale(batch, estimate)
+    names = ("distance", "turn", "curvature", "direction", "delay")
     return {
         "fitted": batch.fitted,
-        "readings": used,
+        "readings": int(np.count_nonzero(estimate.feature >= 0)),
         "stated_noise": {"ratio": stated.ratios, "repeated": stated.times},
-        "odometry": asdict(noise.odometry) if batch.fitted else None,
-        "range": {"tilt": noise.sensor.tilt, "projection": noise.sensor.projection} if batch.fitted else None,
-        "scale": {"factor": of_map.factor, "sigma": of_map.sigma},
+        "odometry": dict(zip(names, found, strict=False)) if batch.fitted else None,
+        "range": {"tilt": found[5], "projection": found[6]} if batch.fitted else None,
+        "scale": of_map._asdict(),
     }

@@ -1,7 +1,5 @@
 # ruff: noqa: N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""The poses of a log's scans: those that it states, or those that its odometry adds up to.
-
-A log's odometry between any two instants, as one motion with its covariance; its detections as arrays.
+"""What a log's odometry adds up to: the poses of its scans, and the motion between any two instants.
 
 A batch needs poses only where something was read. What lies in between is put together into one motion, by the same
 model as the filter's, and its covariance is kept as a sum of components: one matrix for each source of noise, to be
@@ -11,7 +9,6 @@ multiplied by that source's variance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -20,8 +17,8 @@ from numpy.typing import NDArray
 from trailmark.checked import checked_arguments
 from trailmark.compiled import njit
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.models import Cartesian, PoseIncrement, RangeBearing, Unicycle
-from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan, first_pose
+from trailmark.estimation.models import PoseIncrement, Unicycle
+from trailmark.estimation.records import Increment, Log, Odometry, Pose, Record, Scan, first_pose
 from trailmark.se2 import FloatArray, compose, wrap
 
 BoolArray = NDArray[np.bool_]
@@ -54,7 +51,12 @@ def scan_poses(
     if source == "log":
         return scans, _between(records, scans)
     first = start or first_pose(records) or (carried[0] if carried else (0.0, 0.0, 0.0))
-    return scans, _dead_reckoning(records, np.array(first, dtype=np.float64))
+    reckoning, poses = DeadReckoning(np.array(first)), list[FloatArray]()
+    for record in records:
+        reckoning.add(record)
+        if isinstance(record, Scan):
+            poses.append(reckoning.pose)
+    return scans, np.array(poses).reshape(-1, 3)
 
 
 def _between(records: Sequence[Record], scans: Sequence[Scan]) -> FloatArray:
@@ -66,16 +68,6 @@ def _between(records: Sequence[Record], scans: Sequence[Scan]) -> FloatArray:
     t = [scan.t for scan in scans]
     x, y, theta = (np.interp(t, rows[:, 0], column) for column in (rows[:, 1], rows[:, 2], np.unwrap(rows[:, 3])))
     return np.column_stack([x, y, np.asarray(wrap(theta))])
-
-
-def _dead_reckoning(records: Sequence[Record], x: FloatArray) -> FloatArray:
-    """Return the poses of the scans, shape (m, 3), by odometry alone, from x on."""
-    reckoning, poses = DeadReckoning(x), list[FloatArray]()
-    for record in records:
-        reckoning.add(record)
-        if isinstance(record, Scan):
-            poses.append(reckoning.pose)
-    return np.array(poses).reshape(-1, 3)
 
 
 def missing_odometry(log: Log) -> BoolArray:
@@ -118,31 +110,21 @@ class DeadReckoning:
             self.pose = compose(self.pose, np.array(record[1:4]))
 
 
-@dataclass(frozen=True)
-class OdometryCalibration:
-    """Systematic errors of odometry; the defaults are those of odometry without any."""
-
-    distance: float = 1.0  # Metres driven for each metre that odometry states.
-    turn: float = 1.0  # Radians turned for each radian that odometry states.
-    curvature: float = 0.0  # Radians turned besides, for each metre driven: wheels of unequal size.
-    # Radians from the direction that the sensor calls ahead to the one that the robot drives in.
-    direction: float = 0.0
-    delay: float = 0.0  # Seconds by which the motion follows its record; for velocities only.
-
-    def array(self) -> FloatArray:
-        """Return the five numbers, shape (5,)."""
-        return np.array([self.distance, self.turn, self.curvature, self.direction, self.delay])
-
-
 class Motions(NamedTuple):
     """The motions from each of n instants to the next."""
 
-    u: FloatArray  # Each in the frame that it begins in, shape (n − 1, 3).
-    components: FloatArray  # Covariance of u for a variance of one of each source of noise, shape (n − 1, k, 3, 3).
+    u: FloatArray  # each in the frame that it begins in, shape (n − 1, 3)
+    components: FloatArray  # covariance of u for a variance of one of each source of noise, shape (n − 1, k, 3, 3)
 
     def covariance(self, variances: FloatArray) -> FloatArray:
         """Return the covariances of u, shape (n − 1, 3, 3), for the variances of the sources, shape (k,)."""
         return np.asarray(np.einsum("k,nkij->nij", variances, self.components))
+
+
+# Systematic errors of odometry, here without any: metres driven for each metre that it states, radians turned for each
+# radian; radians turned besides for each metre driven (wheels of unequal size); radians from the direction that the
+# sensor calls ahead to the one that the robot drives in; seconds by which the motion follows its velocity's record.
+UNCALIBRATED = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
 
 
 class OdometryTrack:
@@ -179,19 +161,20 @@ class OdometryTrack:
         if self.by_velocities:
             a1, *_, a4 = velocity.alpha
             period = velocity.period or 1.0
-            sources.append(
-                ([velocity.sigma_v**2 * period, a1 * period], [velocity.sigma_omega**2 * period, a4 * period])
-            )
+            of_v, of_omega = np.array([velocity.sigma_v**2, a1]), np.array([velocity.sigma_omega**2, a4])
+            sources.append((period * of_v, period * of_omega))
         if self._stated is not None:
-            sources.append(([1.0], [1.0]))
+            sources.append((np.ones(1), np.ones(1)))
         elif len(self._increments) or not self.by_velocities:
             a, b, c = increment.growth
             place = 0.5 * (increment.sigma_x**2 + increment.sigma_y**2)
-            sources.append(([place, a], [increment.sigma_theta**2, b, c]))
+            sources.append((np.array([place, a]), np.array([increment.sigma_theta**2, b, c])))
         return np.concatenate([part for kind in zip(*sources, strict=True) for part in kind])
 
-    def motions(self, instants: FloatArray, calibration: OdometryCalibration, *, covariances: bool = True) -> Motions:
-        """Return what lies between instants, shape (n,) in ascending order; without covariances in half of the time."""
+    def motions(
+        self, instants: FloatArray, calibration: FloatArray = UNCALIBRATED, *, covariances: bool = True
+    ) -> Motions:
+        """Return what lies between instants, shape (n,), ascending; without covariances in half of the time."""
         times, pieces, components = self._increment_pieces(calibration)
         if self.by_velocities:
             velocities = self._velocity_pieces(instants, calibration, covariances)
@@ -201,20 +184,21 @@ class OdometryTrack:
         return Motions(*_put_together(pieces, components if covariances else components[:, :0], bounds))
 
     def _velocity_pieces(
-        self, instants: FloatArray, calibration: OdometryCalibration, covariances: bool
+        self, instants: FloatArray, calibration: FloatArray, covariances: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        t = self._velocities[:, 0] + calibration.delay
+        distance, turning, bend, ahead, delay = calibration
+        t = self._velocities[:, 0] + delay
         cuts = np.unique(np.concatenate([t, instants, self._increments[:, 0]]))
         dt = np.diff(cuts)
         held = np.searchsorted(t, cuts[:-1], side="right") - 1
         v, omega = np.where(held >= 0, self._velocities[held, 1:].T, 0.0)
         moving = held >= 0
-        v = calibration.distance * v
-        omega = calibration.turn * omega + calibration.curvature * v
+        v = distance * v
+        omega = turning * omega + bend * v
         turn, chord = omega * dt, v * dt
         half = 0.5 * turn
         sinc = np.sinc(half / np.pi)
-        direction = half + calibration.direction
+        direction = half + ahead
         cos, sin = np.cos(direction), np.sin(direction)
         pieces = np.column_stack([chord * sinc * cos, chord * sinc * sin, turn])
         if not covariances:
@@ -232,12 +216,13 @@ class OdometryTrack:
             np.multiply(components[:, 2 * j], (rate**2)[:, None, None], out=components[:, 2 * j + 1])
         return cuts[1:], pieces, components
 
-    def _increment_pieces(self, calibration: OdometryCalibration) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _increment_pieces(self, calibration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        distance, turning, bend, ahead, _ = calibration
         t, dx, dy, turn = self._increments.T
-        cos, sin = np.cos(calibration.direction), np.sin(calibration.direction)
-        x, y = calibration.distance * (cos * dx - sin * dy), calibration.distance * (sin * dx + cos * dy)
+        cos, sin = np.cos(ahead), np.sin(ahead)
+        x, y = distance * (cos * dx - sin * dy), distance * (sin * dx + cos * dy)
         d = np.hypot(x, y)
-        turn = calibration.turn * turn + calibration.curvature * d
+        turn = turning * turn + bend * d
         place, heading = np.diag([1.0, 1.0, 0.0]), np.diag([0.0, 0.0, 1.0])
         if self._stated is not None:
             components = np.stack([place @ self._stated @ place, heading @ self._stated @ heading], axis=1)
@@ -298,70 +283,3 @@ def _put_together(
             u[i, 1] += dy
             u[i, 2] += pieces[p, 2]
     return u, P
-
-
-@dataclass(frozen=True)
-class SensorCalibration:
-    """Systematic errors of ranges, by the bearing β: what is read is r·exp(a (β − β₁) + b (β² − β₂)), r the range.
-
-    A camera that reads the depth of what it sees in place of its range has b = −1/2, since cos β is about 1 − β²/2. β₁
-    and β₂ are the means over the log's readings: on average, ranges are right.
-    """
-
-    tilt: float = 0.0  # a, by each radian.
-    projection: float = 0.0  # b, by each square radian.
-    middle: tuple[float, float] = (0.0, 0.0)  # β₁ and β₂.
-
-    def basis(self, bearings: FloatArray) -> FloatArray:
-        """Return β − β₁ and β² − β₂ of bearings (n,), shape (n, 2)."""
-        first, second = self.middle
-        return np.column_stack([bearings - first, bearings**2 - second])
-
-    def array(self) -> FloatArray:
-        """Return a and b, shape (2,)."""
-        return np.array([self.tilt, self.projection])
-
-    def corrected(self, z: FloatArray) -> FloatArray:
-        """Return ranges and bearings, shape (n, 2), without these errors."""
-        return np.column_stack([z[:, 0] * np.exp(-self.basis(z[:, 1]) @ self.array()), z[:, 1]])
-
-
-class Readings(NamedTuple):
-    """Ranges and bearings of n detections."""
-
-    instant: NDArray[np.intp]  # The number of each one's instant, shape (n,).
-    z: FloatArray  # Metres and radians, shape (n, 2).
-    covariance: FloatArray  # Of z, shape (n, 2, 2).
-    stated: bool  # Whether the log states all covariances.
-
-
-def polar_readings(
-    detections: Sequence[Detection], instants: FloatArray, range_bearing: RangeBearing, cartesian: Cartesian
-) -> Readings:
-    """Return detections of either kind as ranges and bearings.
-
-    Args:
-        detections: n of them.
-        instants: when poses are estimated, shape (m,), ascending; the times of all detections are among them.
-        range_bearing: the noise of those that state none.
-        cartesian: likewise.
-    """
-    n = len(detections)
-    z = np.array([detection.z for detection in detections], dtype=np.float64).reshape(n, 2)
-    flat = np.array([detection.kind == "cartesian" for detection in detections], dtype=bool)
-    own = np.zeros((n, 2, 2))
-    own[:, 0, 0] = (range_bearing.sigma_range * (1.0 + range_bearing.growth * np.maximum(z[:, 0], 0.0))) ** 2
-    own[:, 1, 1] = range_bearing.sigma_bearing**2
-    own[flat] = np.diag([cartesian.sigma_x**2, cartesian.sigma_y**2])
-    stated = np.zeros(n, dtype=bool)
-    for i, detection in enumerate(detections):
-        if detection.covariance is not None:
-            own[i], stated[i] = detection.covariance, True
-    if flat.any():
-        x, y = z[flat].T
-        r = np.maximum(np.hypot(x, y), 1e-6)
-        J = np.array([[x / r, y / r], [-y / r**2, x / r**2]]).transpose(2, 0, 1)  # a Jacobian
-        own[flat] = J @ own[flat] @ J.transpose(0, 2, 1)
-        z[flat] = np.column_stack([r, np.arctan2(y, x)])
-    times = np.array([detection.t for detection in detections], dtype=np.float64)
-    return Readings(np.searchsorted(instants, times), z, own, bool(n and stated.all()))

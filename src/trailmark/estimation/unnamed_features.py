@@ -20,15 +20,12 @@ from numpy.typing import NDArray
 from trailmark.estimation.association import SlamSettings
 from trailmark.estimation.covariance import chi_square_quantile
 from trailmark.estimation.ekf_slam import EkfSlam
-from trailmark.estimation.landmark_graph import Estimate, relative_covariance
+from trailmark.estimation.landmark_graph import Estimate, IntArray, Readings, relative_covariance
 from trailmark.estimation.models import PoseIncrement, RangeBearing
 from trailmark.estimation.noise_fit import GATE as BATCH_GATE
 from trailmark.estimation.noise_fit import Batch, description_length
-from trailmark.estimation.odometry import Readings
 from trailmark.estimation.records import Detection, Increment, Record
 from trailmark.se2 import FloatArray, wrap
-
-IntArray = NDArray[np.intp]
 
 # The share of readings that two features may have at common instants and still be one: some were read twice.
 TOGETHER = 0.02

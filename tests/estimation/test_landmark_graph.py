@@ -7,9 +7,11 @@ import gtsam
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.helpers.alignment import aligned
 
-from trailmark.estimation.landmark_graph import Smoother
-from trailmark.estimation.odometry import Readings
+from trailmark.estimation import Detection
+from trailmark.estimation.landmark_graph import Readings, Smoother, polar_readings, relative_covariance
+from trailmark.estimation.models import Cartesian, RangeBearing
 from trailmark.se2 import compose, wrap
 
 FloatArray = NDArray[np.float64]
@@ -86,3 +88,40 @@ def test_misread_readings_hardly_matter() -> None:
     exact = Smoother(u, P, readings._replace(z=z), without).solve(truth, POSTS)
     assert np.abs(exact.features - clean.features).max() < 0.05
     assert np.isnan(Smoother(u, P, readings, without).residuals(exact)[1][::9]).all()
+
+
+@pytest.mark.slow
+def test_errors_after_alignment() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-5.0, 5.0, (7, 2))
+    root = 1e-3 * rng.standard_normal((14, 14))
+    joint = root @ root.T
+    found = []
+    for _ in range(4000):
+        wrong = points + (root @ rng.standard_normal(14)).reshape(-1, 2)
+        found.append((aligned(wrong, points)(wrong) - points).reshape(-1))
+    assert np.cov(np.array(found).T) == pytest.approx(relative_covariance(points, joint), abs=4e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2, 6])
+def test_an_error_of_the_frame_is_none(count: int) -> None:
+    points = np.random.default_rng(1).uniform(-5.0, 5.0, (count, 2))
+    turn = np.column_stack([-points[:, 1], points[:, 0]]).reshape(-1) + 0.5
+    assert np.abs(relative_covariance(points, np.outer(turn, turn))).max() < 1e-9
+
+
+def test_readings_of_either_kind_are_ranges_and_bearings() -> None:
+    own = np.diag([0.04, 0.01])
+    detections = [
+        Detection(1.0, np.array([2.0, 0.3])),
+        Detection(2.0, np.array([3.0, 4.0]), "cartesian"),
+        Detection(2.0, np.array([2.0, 0.3]), covariance=own),
+    ]
+    found = polar_readings(detections, np.array([1.0, 2.0]), RangeBearing(0.1, 0.02, 0.5), Cartesian(0.2, 0.2))
+    assert found.instant.tolist() == [0, 1, 1]
+    assert found.z[1] == pytest.approx([5.0, np.arctan2(4.0, 3.0)])
+    assert found.covariance[0] == pytest.approx(np.diag([0.2**2, 0.02**2]))
+    assert found.covariance[1] == pytest.approx(np.diag([0.2**2, (0.2 / 5.0) ** 2]))
+    assert found.covariance[2] == pytest.approx(own)
+    assert not found.stated
+    assert polar_readings(detections[2:], np.array([2.0]), RangeBearing(0.1, 0.02), Cartesian(1, 1)).stated

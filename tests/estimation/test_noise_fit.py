@@ -12,10 +12,10 @@ from tests.helpers.alignment import aligned, rms
 from tests.support.trials import trials
 
 from trailmark.estimation import Detector, RangeBearing, Unicycle, simulate
-from trailmark.estimation.landmark_graph import relative_covariance
+from trailmark.estimation.landmark_graph import polar_readings, relative_covariance
 from trailmark.estimation.models import Cartesian, PoseIncrement
-from trailmark.estimation.noise_fit import Batch, inflation, misfit, scale
-from trailmark.estimation.odometry import OdometryTrack, polar_readings
+from trailmark.estimation.noise_fit import Batch, correlation_time, inflation, misfit, scale, updated_variances
+from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Detection, Log, Odometry, Pose, Record
 from trailmark.shapes import Disc
 from trailmark.world import World
@@ -122,9 +122,9 @@ def test_systematic_errors_are_found_and_taken_off() -> None:
     given = case([changed(record) for record in in_view(list(log().records))])
     plain = given.batch.solve(given.poses, given.places(), given.feature).solution.features
     estimate = given.batch.fit(given.poses, given.places(), given.feature)
-    found = given.batch.noise
-    assert found.odometry.turn == pytest.approx(0.9, abs=0.02)
-    assert found.sensor.projection == pytest.approx(-0.5, abs=0.1)
+    _, turn, *_, projection = given.batch.noise.calibration
+    assert turn == pytest.approx(0.9, abs=0.02)
+    assert projection == pytest.approx(-0.5, abs=0.1)
     factor, sigma = scale(given.batch, estimate)
     features = factor * estimate.solution.features
     errors = [rms(aligned(points, given.true)(points) - given.true) for points in (plain, features)]
@@ -147,3 +147,41 @@ def test_stated_covariances_are_those_of_the_errors() -> None:
         blocks = [joint[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(len(points))]
         values += [float(e @ np.linalg.solve(P, e)) for e, P in zip(errors, blocks, strict=True)]
     assert 1.0 < np.mean(values) < 3.0
+
+
+def test_two_sources_are_told_apart() -> None:
+    rng = np.random.default_rng(1)
+    r = rng.uniform(1.0, 8.0, 4000)
+    true = np.array([0.04, 0.003])
+    components = np.zeros((len(r), 2, 1, 1))
+    components[:, 0, 0, 0], components[:, 1, 0, 0] = 1.0, r**2
+    error = rng.normal(0.0, np.sqrt(true[0] + true[1] * r**2))
+    variances = np.array([1.0, 1.0])
+    for _ in range(200):
+        sigma = np.sqrt(variances @ components[:, :, 0, 0].T)
+        roots = (1.0 / sigma)[:, None, None]
+        variances = updated_variances(variances, components, roots, (error / sigma)[:, None], np.ones((len(r), 1)))
+    assert variances == pytest.approx(true, rel=0.2)
+
+
+def test_an_absorbed_share_is_given_back() -> None:
+    rng = np.random.default_rng(2)
+    error = 0.3 * rng.standard_normal(5000)
+    half = np.full((5000, 1), 0.5)  # the estimate followed half of the noise's power
+    found = updated_variances(
+        np.array([1.0]), np.ones((5000, 1, 1, 1)), np.ones((5000, 1, 1)), np.sqrt(0.5) * error[:, None], half
+    )
+    assert found == pytest.approx([0.09], rel=0.1)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.8])
+def test_errors_that_last(share: float) -> None:
+    rng = np.random.default_rng(3)
+    sequences = []
+    for _ in range(30):
+        e = rng.standard_normal(400)
+        for i in range(1, len(e)):
+            e[i] = share * e[i - 1] + np.sqrt(1.0 - share**2) * e[i]
+        sequences.append(e)
+    # Of an autoregression of the first order, τ = (1 + ρ) / (1 − ρ).
+    assert correlation_time(sequences) == pytest.approx((1.0 + share) / (1.0 - share), rel=0.15)

@@ -26,9 +26,10 @@ from trailmark.estimation import (
     simulate,
 )
 from trailmark.estimation.covariance import nees
+from trailmark.estimation.landmark_graph import polar_readings
 from trailmark.estimation.mapped_log import MappedLog
 from trailmark.estimation.noise_fit import Batch
-from trailmark.estimation.odometry import OdometryTrack, polar_readings
+from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Record
 from trailmark.se2 import compose, wrap
 from trailmark.shapes import Disc
