@@ -1,8 +1,8 @@
 """The poses of scans by scan matching and a pose graph.
 
-Each scan is matched against a local map of those before it. Places that were seen before close loops, which a second
-closure must confirm (:mod:`trailmark.estimation.pose_graph`). At last each scan is matched against the maps
-of all the other stretches of the drive that saw the same place, and all relations are optimised together.
+Each scan is matched against a local map of those before it, from odometry on. Places that were seen before close loops.
+At last each scan is matched against the maps of all earlier visits to its place, and all relations are optimised
+together.
 """
 
 from __future__ import annotations
@@ -134,9 +134,8 @@ class ScanSlam:
     def __init__(self, settings: GraphSettings | None = None) -> None:
         self._s = settings = settings or GraphSettings()
         self.corrections = 0
-        self._weight = (
-            settings.scatter / SIGMA
-        ) ** 2  # of a guess, among end points that are taken to scatter by SIGMA
+        # Of a guess, among end points that are taken to scatter by SIGMA; the errors of neighbouring ones are alike.
+        self._weight = settings.scatter / SIGMA
         self._keys = KeyScans(settings.filled_gap)
         self._loops = LoopFinder(self._keys, settings)
         self._area: LocalMap | None = None
@@ -216,10 +215,9 @@ class ScanSlam:
         pose = refine_by_faces(area, cloud, start, guess, information).pose
         if own >= MAX_NODES and self._return_to_node(pose, cloud, odometry):
             return
-        matched = self._covariance_of(area, cloud, pose)
-        keys.relations.append(Relation(last, own, step, noise))
-        keys.relations.append(keys.related(last, own, pose, matched, certain=True))
-        self._covariance = _combined(matched, noise)
+        # Odometry held the match, and is not counted again beside it.
+        self._covariance = _combined(self._covariance_of(area, cloud, pose), noise)
+        keys.relations.append(keys.related(last, own, pose, self._covariance, certain=True))
         self._add_key(pose, cloud, odometry)
         self._close_loops(own)
 

@@ -1,9 +1,4 @@
-"""How the poses of scans are found: what depends on sensor and odometry as settings, the rest as constants.
-
-Scans as nodes, local maps made of some of them, and the poses that their relations come to, by gtsam.
-
-Places that were seen before: loop closures, other visits to a place, and where a lost robot may be.
-"""
+"""Scans as nodes of a graph: local maps made of them, loop closures, and the poses that all comes to, by gtsam."""
 
 from __future__ import annotations
 
@@ -37,8 +32,7 @@ from trailmark.estimation.scan_matching import (
     surface_cloud,
     transformed,
 )
-from trailmark.estimation.scan_matching import relative as relative_pose
-from trailmark.se2 import FloatArray, compose
+from trailmark.se2 import FloatArray
 
 # Radians of rotation from one node of the graph to the next: what is seen has hardly changed in between.
 KEY_ANGLE = math.radians(15.0)
@@ -51,7 +45,7 @@ WINDOW = (0.5, math.radians(20.0))
 LOOP_SCORE = 0.55  # Mean likelihood of the end points that a loop closure needs.
 LOOP_AMBIGUITY = 0.9  # Share of its likelihood that no other place within the window may have.
 ROUNDS = 2  # How often each scan is matched against the maps of all other visits to its place, and the graph optimised.
-OUTLIER_GATE = 0.999  # Probability with which a right closure is consistent with another, and with the optimised graph.
+OUTLIER_GATE = 0.999  # Probability with which a right closure is consistent with the optimised graph.
 
 
 @dataclass(frozen=True)
@@ -317,7 +311,7 @@ class KeyScans:
 
     def query(self, chosen: IntArray, frame: int) -> PointCloud:
         """Return what some scans show, in the frame of one of them, thinned."""
-        cloud = joined([self.clouds[i] for i in chosen], relative_pose(self.poses[frame], self.poses[chosen]))
+        cloud = joined([self.clouds[i] for i in chosen], relative(self.poses[frame], self.poses[chosen]))
         place = np.floor(cloud.points / THIN).astype(np.int64)
         _, one = np.unique(place[:, 0] * 2**31 + place[:, 1], return_index=True)
         one = one[:: -(-len(one) // MAX_POINTS)]
@@ -335,7 +329,7 @@ class KeyScans:
         """
         if not certain:
             covariance = covariance + np.diag([REVISITED[0] ** 2, REVISITED[0] ** 2, REVISITED[1] ** 2])
-        return Relation(a, b, relative_pose(self.poses[a], pose), in_frame(covariance, pose[2]), certain)
+        return Relation(a, b, relative(self.poses[a], pose), in_frame(covariance, pose[2]), certain)
 
 
 def in_frame(covariance: FloatArray, heading: float) -> FloatArray:
@@ -357,40 +351,24 @@ FAR = 1e6  # Metres: all of a map.
 
 IntArray = NDArray[np.intp]
 
-MAX_VISITS = 4  # Earlier and later visits, at most, that one scan is matched against: the nearest ones.
+MAX_VISITS = 4  # Earlier visits, at most, that one scan is matched against: the nearest ones.
 # Metres and radians: what is matched farther from where the optimised graph has it than this is something else.
 MAX_SHIFT = 0.3, np.radians(5.0)
 
 
 class LoopFinder:
-    """Finds closures scan by scan; one counts once a second one, of another scan, agrees with it."""
+    """Finds loop closures scan by scan."""
 
     def __init__(self, keys: KeyScans, settings: GraphSettings) -> None:
-        self._keys = keys
-        self._s = settings
-        self._pending: list[Relation] = []
-        self._drift = Drift(settings)
+        self._keys, self._s, self._drift = keys, settings, Drift(settings)
         self._read = 0  # relations
         self._ends = np.empty((0, 2), dtype=np.intp)
-        self._gate = float(chi_square_quantile(OUTLIER_GATE, 3))
 
     def find(self, k: int) -> list[Relation]:
-        """Return the closures that scan k confirms, its own among them."""
+        """Return where scan k, with those just before it, surely lies in the maps of places that were seen before."""
         away = self._graph_distances(k)
-        confirmed = list[Relation]()
-        for place in self._candidates(k, away):
-            closure = self._match(k, place, away[place])
-            if closure is None:
-                continue
-            partners = [other for other in self._pending if self._agree(closure, other)]
-            if partners:
-                self._pending = [other for other in self._pending if not any(other is p for p in partners)]
-                confirmed += [*partners, closure]
-            else:
-                self._pending.append(closure)
-        recent = self._keys.travel[k] - 3.0 * self._s.local_length
-        self._pending = [other for other in self._pending if self._keys.travel[other.b] >= recent]
-        return [self._with_errors_of_maps(closure) for closure in confirmed]
+        found = [self._match(k, place, away[place]) for place in self._candidates(k, away)]
+        return [closure for closure in found if closure is not None]
 
     def drifts(self, k: int) -> FloatArray:
         """Return how each scan is related to scan k: metres along relations, and what drifts on them, shape (n, 2)."""
@@ -457,7 +435,12 @@ class LoopFinder:
             if known > LOOP_AMBIGUITY * other:
                 return None
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
-        return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
+        if is_open:
+            return None
+        # The errors inside the two maps that it joins.
+        recent = keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True)
+        covariance = covariance + keys.spread(recent, k) + keys.spread(chain, place)
+        return keys.related(place, k, found.pose, covariance, certain=False)
 
     def _seen_share(self, query: PointCloud, pose: FloatArray, chain: NDArray[np.intp]) -> float:
         """Return the share of a cloud's points, at a pose, that lie where the scans of a chain saw."""
@@ -465,65 +448,24 @@ class LoopFinder:
         seen = [in_view(keys.clouds[i], transformed(query, relative(keys.poses[i], pose)).points) for i in chain]
         return float(np.any(seen, axis=0).mean())
 
-    def _with_errors_of_maps(self, closure: Relation) -> Relation:
-        """Return a closure with the errors inside the two maps that it joins; whether two agree is asked without."""
-        keys, s = self._keys, self._s
-        recent = keys.chain(closure.b, 0.5 * s.local_length, LOCAL_SCANS, before=True)
-        spread = keys.spread(recent, closure.b)
-        spread = spread + keys.spread(keys.chain(closure.a, 2.0 * s.local_length, LOCAL_SCANS), closure.a)
-        return closure._replace(covariance=closure.covariance + in_frame(spread, keys.poses[closure.b, 2]))
-
-    def _agree(self, one: Relation, other: Relation) -> bool:
-        """Return whether two closures of different scans say the same, by the graph between their ends."""
-        keys, s = self._keys, self._s
-        if one.b == other.b:
-            return False
-        gaps = np.array(
-            [abs(keys.travel[one.b] - keys.travel[other.b]), abs(keys.travel[one.a] - keys.travel[other.a])]
-        )
-        if gaps.max() > 3.0 * s.local_length:
-            return False
-        # From one's a to the other's a, by it to its b, on to one's b.
-        path = compose(relative(keys.poses[one.a], keys.poses[other.a]), other.pose)
-        path = compose(path, relative(keys.poses[other.b], keys.poses[one.b]))
-        error = relative(one.pose, path)
-        sigma, sigma_theta = self._drift.sigma(gaps)
-        theta = float((sigma_theta**2).sum())
-        own = np.diag([float((sigma**2).sum()), float((sigma**2).sum()), theta])
-        # A heading's error acts over the distance between the two.
-        lever = float(np.hypot(*relative(keys.poses[other.b], keys.poses[one.b])[:2]))
-        own[0, 0] += lever**2 * other.covariance[2, 2]
-        own[1, 1] += lever**2 * other.covariance[2, 2]
-        total = own + one.covariance + other.covariance
-        return bool(error @ np.linalg.solve(total, error) <= self._gate)
-
 
 class Drift:
     """How errors grow along consecutive scans.
 
     They add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
-    heading's rate times L³/3. The rates are those of the relations that are certain; where odometry and a match relate
-    the same two scans, of both together.
+    heading's rate times L³/3. The rates are those of the relations that are certain.
     """
 
     def __init__(self, settings: GraphSettings) -> None:
         self._length, self._place, self._heading = 1e-9, 0.0, 0.0
         self._open = min(OPEN, 4.0 * float(settings.odometry_noise(np.array([settings.key_distance, 0.0, 0.0]))[0, 0]))
-        self._last = -1, -1  # the scans of the last relation
-        self._own = np.zeros(3)  # what it added
 
     def add(self, relation: Relation) -> None:
         """Count a relation, if it is certain."""
-        if not relation.certain:
-            return
-        place = 0.5 * float(np.minimum(np.diag(relation.covariance)[:2], self._open).sum())
-        own = np.array([float(np.hypot(*relation.pose[:2])), place, float(relation.covariance[2, 2])])
-        again = (relation.a, relation.b) == self._last
-        if again:
-            own[1:] = 1.0 / (1.0 / own[1:] + 1.0 / self._own[1:])
-            own -= self._own
-        self._length, self._place, self._heading = self._length + own[0], self._place + own[1], self._heading + own[2]
-        self._last, self._own = (relation.a, relation.b), own + self._own if again else own
+        if relation.certain:
+            self._length += float(np.hypot(*relation.pose[:2]))
+            self._place += 0.5 * float(np.minimum(np.diag(relation.covariance)[:2], self._open).sum())
+            self._heading += float(relation.covariance[2, 2])
 
     def sigma(self, distances: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""
@@ -550,7 +492,7 @@ def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArr
 
 
 def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]:
-    """Return where each scan lies in the maps of the other visits to its place, from the poses that it has now."""
+    """Return where each scan lies in the maps of earlier visits to its place, from the poses that it has now."""
     s, found = settings, list[Relation]()
     stretches = np.floor(keys.travel / (0.5 * s.local_length)).astype(np.intp)
     visitors = _visitors(keys, stretches, s)
@@ -576,15 +518,14 @@ def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]
 
 
 def _visitors(keys: KeyScans, stretches: IntArray, s: GraphSettings) -> list[list[int]]:
-    """Return for each stretch the scans of other visits that see it: each scan is in the lists of the nearest ones."""
+    """Return for each stretch the scans of later visits that see it: each scan is in the lists of the nearest ones."""
     visitors: list[list[int]] = [[] for _ in range(stretches[-1] + 1)]
     for k, cloud in enumerate(keys.clouds):
         if len(cloud.points) < MIN_POINTS:
             continue
         apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
-        near = np.flatnonzero(
-            (apart <= 0.5 * s.loop_distance) & (np.abs(keys.travel - keys.travel[k]) > s.local_length)
-        )
+        # Of earlier visits alone: what each of two visits says of the other is the same.
+        near = np.flatnonzero((apart <= 0.5 * s.loop_distance) & (keys.travel[k] - keys.travel > s.local_length))
         nearest = near[np.argsort(apart[near], kind="stable")]
         _, first = np.unique(stretches[nearest], return_index=True)
         for at in np.sort(first)[:MAX_VISITS]:
