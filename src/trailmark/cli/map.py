@@ -262,7 +262,7 @@ def _batch_text(batch: dict[str, Any]) -> str:
     odometry, ranges = batch["odometry"], batch["range"]
     return (
         f"{text}; noise estimated: odometry's distances times {odometry['distance']:.3f}, turns times "
-        f"{odometry['turn']:.3f}, {odometry['delay']:.2f} s late; ranges' error by the bearing's square "
+        f"{odometry['turn']:.3f}; ranges' error by the bearing's square "
         f"{ranges['projection']:+.2f}, their scale known to {100 * batch['scale']['sigma']:.1f} %"
     )
 

@@ -8,7 +8,7 @@ SIAM Journal on Numerical Analysis 10(2)), and the noise is what the residuals s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,19 +32,15 @@ ROUNDS = 8  # how often at most poses, calibration and noise are estimated in tu
 # Probability that a good reading passes: of ten thousand one is left out wrongly, a misread one nearly always.
 GATE = 0.9999
 # Standard deviations of the errors that instruments are expected to have before anything is known of the log: of the
-# scale of distances and of turns, as slip, inertia and an uncertain wheelbase leave it; radians for each metre (wheels
-# that differ by 3 % on a base of 0.3 m turn a robot by 0.1); radians between the sensor's axis and the direction of
-# driving (a mount is 3 degrees off); seconds from an odometry record to the motion (transport, inertia); of a range's
-# relative error that grows with the bearing, by each radian, and with its square: a camera that takes depth for range
-# has −0.5.
-EXPECTED = np.array([0.2, 0.2, 0.1, 0.05, 0.3, 0.1, 0.5])
+# scale of distances and of turns, as slip and an uncertain wheelbase leave it; radians between the sensor's axis
+# and the direction of driving (a mount is 3 degrees off); of a range's relative error that grows with the bearing, by
+# each radian, and with its square: a camera that takes depth for range has −0.5.
+EXPECTED = np.array([0.2, 0.2, 0.05, 0.1, 0.5])
 # Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out.
 LOST = 4.0
 # Relative error that is enough while noise is still estimated; change, in deviations, after which nothing changes.
 ROUGH, SETTLED = 1e-4, 0.03
-# How far each number of the odometry's calibration is moved to see what the motions become: a hundredth of a second
-# covers the time between records.
-STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-2])
+STEP = 1e-4  # how far each number of the odometry's calibration is moved to see what the motions become
 # How uncertain the scale of all ranges is, as a share of the relative error that is found across the view: no reading
 # shows it, and a sensor that is wrong by some percent from one bearing to another is not right on average.
 SCALE_SHARE = 0.25
@@ -99,7 +95,7 @@ def correlation_time(sequences: Iterable[FloatArray], longest: int = 200) -> flo
 class Noise(NamedTuple):
     """What readings and odometry are taken to be like."""
 
-    calibration: FloatArray  # systematic errors: the odometry's five, then a and b of ranges, shape (7,)
+    calibration: FloatArray  # systematic errors: the odometry's three, then a and b of ranges, shape (5,)
     motion_variances: FloatArray  # of each source of odometry's noise, shape (k,)
     motion_times: FloatArray  # how many successive errors of odometry are worth one, for the same sources, shape (k,)
     reading_variances: FloatArray  # of each source of the readings' noise, shape (j,)
@@ -136,18 +132,18 @@ class Batch:
     def motions(self, instants: FloatArray | None = None, *, covariances: bool = True) -> Motions:
         """Return the motions between the instants, or others, calibrated."""
         at = self.instants if instants is None else instants
-        return self.track.motions(at, self.noise.calibration[:5], covariances=covariances)
+        return self.track.motions(at, self.noise.calibration[:3], covariances=covariances)
 
     def motion_covariance(self, motions: Motions) -> FloatArray:
         """Return their covariances, shape (n − 1, 3, 3)."""
         return motions.covariance(self.noise.motion_variances * self.noise.motion_times)
 
     def motion_changes(self, instants: FloatArray) -> FloatArray:
-        """Return how the motions between instants, shape (n,), change with odometry's calibration, (n − 1, 3, 5)."""
-        changes, u = np.zeros((len(instants) - 1, 3, 5)), self.motions(instants, covariances=False).u
-        for i, step in enumerate(np.diag(STEPS)[: 5 if self.track.by_velocities else 4]):
-            other = self.track.motions(instants, self.noise.calibration[:5] + step, covariances=False).u
-            changes[:, :, i] = (other - u) / step.max()
+        """Return how the motions between instants, shape (n,), change with odometry's calibration, (n − 1, 3, 3)."""
+        changes, u = np.zeros((len(instants) - 1, 3, 3)), self.motions(instants, covariances=False).u
+        for i, step in enumerate(STEP * np.eye(3)):
+            other = self.track.motions(instants, self.noise.calibration[:3] + step, covariances=False).u
+            changes[:, :, i] = (other - u) / STEP
         return changes
 
     def readings(self, *, single: bool = False) -> Readings:
@@ -156,18 +152,8 @@ class Batch:
             return self.raw
         times = 1.0 if single else self.noise.reading_times
         R = np.einsum("k,nkij->nij", self.noise.reading_variances * times, self.sources)
-        ranges = self.raw.z[:, 0] * np.exp(-self.bent @ self.noise.calibration[5:])
+        ranges = self.raw.z[:, 0] * np.exp(-self.bent @ self.noise.calibration[3:])
         return self.raw._replace(z=np.column_stack([ranges, self.raw.z[:, 1]]), covariance=R)
-
-    def best_of(
-        self, guesses: Sequence[tuple[FloatArray, FloatArray]], feature: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the guess, poses (n, 3) and features (m, 2), that leads to the least error with all readings used."""
-        if len(guesses) == 1:
-            return guesses[0]
-        smoother, _ = self._smoother(feature)
-        best = min((smoother.solve(*guess, ROUGH) for guess in guesses), key=lambda solution: solution.error)
-        return best.poses, best.features
 
     def solve(self, poses: FloatArray, features: FloatArray, feature: IntArray) -> Estimate:
         """Return the optimum with noise and calibration as they are, readings beyond the gate left out.
@@ -297,10 +283,10 @@ class Batch:
         r, n = len(self.raw.z), len(motions.u)
         if not self.fitted:
             return np.zeros((3 * n + 2 * len(smoother.used) + 3, 0)), np.zeros(0)
-        of_motions, of_readings = np.zeros((n, 3, 7)), np.zeros((r, 2, 7))
+        of_motions, of_readings = np.zeros((n, 3, 5)), np.zeros((r, 2, 5))
         for i, change in enumerate(np.moveaxis(self.motion_changes(self.instants), 2, 0)):
             of_motions[:, :, i] = smoother.at_end(change)
-        of_readings[:, 0, 5:] = -self.readings().z[:, :1] * self.bent
+        of_readings[:, 0, 3:] = -self.readings().z[:, :1] * self.bent
         return smoother.whitened(solution, of_motions, of_readings), EXPECTED**-2.0
 
 
@@ -407,8 +393,8 @@ def scale(batch: Batch, estimate: Estimate) -> Scale:
     """
     if not batch.fitted:
         return Scale(1.0, 0.0)
-    ranges = SCALE_SHARE * float(np.std(batch.bent @ batch.noise.calibration[5:]))
-    uncalibrated = np.append(1.0, batch.noise.calibration[1:5])
+    ranges = SCALE_SHARE * float(np.std(batch.bent @ batch.noise.calibration[3:]))
+    uncalibrated = np.append(1.0, batch.noise.calibration[1:3])
     raw = batch.track.motions(batch.instants, uncalibrated, covariances=False).u[:, :2]
     stated = np.hypot(*raw.T)
     real = (motions_of(estimate.solution.poses)[:, :2] * raw).sum(axis=1)
@@ -421,12 +407,12 @@ def scale(batch: Batch, estimate: Estimate) -> Scale:
 def figures(batch: Batch, estimate: Estimate, stated: Misfit) -> dict[str, Any]:
     """Return what was found, as plain data that JSON can hold."""
     found, of_map = batch.noise.calibration.tolist(), scale(batch, estimate)
-    names = ("distance", "turn", "curvature", "direction", "delay")
+    names = ("distance", "turn", "direction")
     return {
         "fitted": batch.fitted,
         "readings": int(np.count_nonzero(estimate.feature >= 0)),
         "stated_noise": {"ratio": stated.ratios, "repeated": stated.times},
         "odometry": dict(zip(names, found, strict=False)) if batch.fitted else None,
-        "range": {"tilt": found[5], "projection": found[6]} if batch.fitted else None,
+        "range": {"tilt": found[3], "projection": found[4]} if batch.fitted else None,
         "scale": of_map._asdict(),
     }

@@ -122,9 +122,8 @@ class Motions(NamedTuple):
 
 
 # Systematic errors of odometry, here without any: metres driven for each metre that it states, radians turned for each
-# radian; radians turned besides for each metre driven (wheels of unequal size); radians from the direction that the
-# sensor calls ahead to the one that the robot drives in; seconds by which the motion follows its velocity's record.
-UNCALIBRATED = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
+# radian; radians from the direction that the sensor calls ahead to the one that the robot drives in.
+UNCALIBRATED = np.array([1.0, 1.0, 0.0])
 
 
 class OdometryTrack:
@@ -186,15 +185,15 @@ class OdometryTrack:
     def _velocity_pieces(
         self, instants: FloatArray, calibration: FloatArray, covariances: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        distance, turning, bend, ahead, delay = calibration
-        t = self._velocities[:, 0] + delay
+        distance, turning, ahead = calibration
+        t = self._velocities[:, 0]
         cuts = np.unique(np.concatenate([t, instants, self._increments[:, 0]]))
         dt = np.diff(cuts)
         held = np.searchsorted(t, cuts[:-1], side="right") - 1
         v, omega = np.where(held >= 0, self._velocities[held, 1:].T, 0.0)
         moving = held >= 0
         v = distance * v
-        omega = turning * omega + bend * v
+        omega = turning * omega
         turn, chord = omega * dt, v * dt
         half = 0.5 * turn
         sinc = np.sinc(half / np.pi)
@@ -217,12 +216,12 @@ class OdometryTrack:
         return cuts[1:], pieces, components
 
     def _increment_pieces(self, calibration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        distance, turning, bend, ahead, _ = calibration
+        distance, turning, ahead = calibration
         t, dx, dy, turn = self._increments.T
         cos, sin = np.cos(ahead), np.sin(ahead)
         x, y = distance * (cos * dx - sin * dy), distance * (sin * dx + cos * dy)
         d = np.hypot(x, y)
-        turn = turning * turn + bend * d
+        turn = turning * turn
         place, heading = np.diag([1.0, 1.0, 0.0]), np.diag([0.0, 0.0, 1.0])
         if self._stated is not None:
             components = np.stack([place @ self._stated @ place, heading @ self._stated @ heading], axis=1)
