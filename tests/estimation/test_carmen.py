@@ -212,10 +212,7 @@ GOOD = (HEAD, odom(5.0, 0, 0, 0), flaser(6.0, [1.0, 2.0], (0, 0, 0), (0, 0, 0)))
             "expected ODOM, finite numbers, host, time, got 'ODOM 0 nan 0 0 0 0 7 pippo 7'",
         ),
         ("OD", "expected a line with ODOM, FLASER, ROBOTLASER1, TRUEPOS or the like, got 'OD'"),
-        (
-            "FLASER 3 1 2 0 0 0 0 0 0 7 pippo 7",
-            "FLASER: expected n + 10 (n = 3",
-        ),
+        ("FLASER 3 1 2 0 0 0 0 0 0 7 pippo 7", "FLASER: expected n + 10 (n = 3"),
         ("FLASER 2 1 inf 0 0 0 0 0 0 7 pippo 7", "expected FLASER, finite numbers, host, time"),
         ("FLASER 2 1 -2 0 0 0 0 0 0 7 pippo 7", "FLASER: range: expected 0 or more, got -2"),
         ("FLASER 0 0 0 0 0 0 0 7 pippo 7", "FLASER: expected n + 10 (n = 0"),

@@ -281,10 +281,7 @@ def test_stated_covariances_count() -> None:
         (lambda: slam().run([Detection(0.0, np.array([np.nan, 0.0]), identity=1)]), "finite"),
         (lambda: slam().run([Odometry(0.0, np.inf, 0.0), Odometry(1.0, 0.0, 0.0)]), "finite"),
         (lambda: SlamSettings(association="closest"), "expected auto, joint, known, nearest"),  # type: ignore[arg-type]  # wrong on purpose
-        (
-            lambda: EkfSlam({}, settings=SlamSettings("auto")),
-            "expected settings without 'auto'",
-        ),
+        (lambda: EkfSlam({}, settings=SlamSettings("auto")), "expected settings without 'auto'"),
         (lambda: SlamSettings(gate=0.99, new_gate=0.9), "gate <= new_gate"),
     ],
 )

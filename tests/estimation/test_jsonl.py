@@ -111,10 +111,7 @@ SCAN = '"angle_min": 0, "angle_increment": 1, "range_max": 9'
         ('{"type": "odometry", "t": 1, "v": 1e999, "omega": 2}', "odometry: v: expected a finite number, got inf"),
         ('{"type": "odometry", "t": 1, "v": 1}', "odometry: expected a field 'omega', got none"),
         ('{"type": "odometry", "t": 1, "v": 1, "omga": 2}', "got 'omga'"),
-        (
-            '{"type": "odometry", "t": 0.5, "v": 1, "omega": 2}',
-            "time: expected 1.0 or later, got 0.5",
-        ),
+        ('{"type": "odometry", "t": 0.5, "v": 1, "omega": 2}', "time: expected 1.0 or later, got 0.5"),
         (
             '{"type": "scan", "t": 1, "ranges": [1, -1], ' + SCAN + "}",
             "scan: ranges: expected a list of numbers of 0 or more, ",

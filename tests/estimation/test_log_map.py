@@ -333,11 +333,7 @@ def test_scans_without_one_reading_show_no_obstacles() -> None:
 def test_nothing_to_go_by() -> None:
     log = recorded()
     for kept, settings, problem in (
-        (
-            without(log, Detection),
-            MapSettings(),
-            "got neither scans nor detections",
-        ),
+        (without(log, Detection), MapSettings(), "got neither scans nor detections"),
         (log, MapSettings(obstacles="scans"), "got no scans"),
         (without(log, Odometry), MapSettings(), "got neither odometry nor poses"),
         (

@@ -92,11 +92,7 @@ def test_with_a_period_an_interval_adds_the_same_however_it_is_cut(x: FloatArray
     assert np.allclose(added, parts * cut, rtol=1e-9, atol=1e-15)
 
 
-SENSORS: list[SensorModel] = [
-    RangeBearing(0.1, 0.02),
-    RangeBearing(0.1, 0.02, growth=0.3),
-    Cartesian(0.1, 0.2),
-]
+SENSORS: list[SensorModel] = [RangeBearing(0.1, 0.02), RangeBearing(0.1, 0.02, growth=0.3), Cartesian(0.1, 0.2)]
 ANGLE = {"RangeBearing": (1,), "Cartesian": ()}
 """Which numbers of a reading are angles."""
 

@@ -102,11 +102,7 @@ MEASUREMENT, ODOMETRY = FILES["Robot1_Measurement.dat"], FILES["Robot1_Odometry.
         ("Robot1_Odometry", ODOMETRY[:-5], ":5: expected 3 finite numbers t, v, omega, got 2 columns"),
         ("Robot1_Odometry", ODOMETRY + "13 1 nan\n", ":6: expected 3 finite numbers"),
         ("Robot1_Odometry", ODOMETRY + "13 1_0 0\n", ":6: expected 3 finite numbers"),
-        (
-            "Robot1_Odometry",
-            ODOMETRY + "11.5 1 0\n",
-            ":6: time: expected 12.0 or later, got 11.5",
-        ),
+        ("Robot1_Odometry", ODOMETRY + "11.5 1 0\n", ":6: time: expected 12.0 or later, got 11.5"),
         ("Robot1_Measurement", MEASUREMENT + "12 43 1 0\n", ":5: barcode: expected one of Barcodes.dat"),
         ("Robot1_Measurement", MEASUREMENT + "12 63 -1 0\n", ":5: range: expected 0 or more, got -1"),
         (

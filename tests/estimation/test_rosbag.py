@@ -325,10 +325,7 @@ def test_bad_messages(tmp_path: Path, kind: Kind) -> None:
     good = [bag.odometry(10.0, (0, 0, 0)), bag.odometry(11.0, (1, 0, 0)), bag.scan(12.0, [1.0])]
     cases = [
         (bag.odometry(12.0, (math.nan, 0, 0)), "message 3 of /odom: expected a pose of finite numbers with a heading"),
-        (
-            bag.odometry(12.0, (0, 0, 0), stamp=10.5),
-            "message 3 of /odom: time: expected 11.0 or later, got 10.5",
-        ),
+        (bag.odometry(12.0, (0, 0, 0), stamp=10.5), "message 3 of /odom: time: expected 11.0 or later, got 10.5"),
         (bag.scan(13.0, []), "message 2 of /scan: expected one range or more, got none"),
         (bag.scan(13.0, [1.0], angle_increment=math.inf), "angles: expected finite numbers, got -1.0, inf"),
         (bag.scan(13.0, [1.0], range_max=0.0), "message 2 of /scan: range_max: expected above 0, got 0.0"),

@@ -263,7 +263,6 @@ def test_touching_is_allowed() -> None:
 def test_a_scanner_inside_an_obstacle() -> None:
     world = World("wall", (0, 0, 10, 10), (Rectangle((5, 5), 2, 8),))
     with pytest.raises(
-        EstimationError,
-        match=r"states: the scanner's path leads through obstacles\[0\] near \(4\.05, 2\)",
+        EstimationError, match=r"states: the scanner's path leads through obstacles\[0\] near \(4\.05, 2\)"
     ):
         simulate(world, [[1.0, 2.0], [3.9, 2.0]], Unicycle(0.0, 0.0), scanner=Scanner(mount=(0.4, 0.0, 0.0)), speed=0.1)

@@ -15,13 +15,7 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 from tests.support.trials import few
 
-from trailmark.estimation import (
-    EstimationError,
-    PoseIncrement,
-    RangeBearing,
-    SlamFilter,
-    Unicycle,
-)
+from trailmark.estimation import EstimationError, PoseIncrement, RangeBearing, SlamFilter, Unicycle
 from trailmark.estimation.slam_filter import carried, moved
 
 FloatArray = NDArray[np.float64]
@@ -244,10 +238,7 @@ def slam() -> SlamFilter:
     ("call", "message"),
     [
         (lambda: SlamFilter(mode="slamm"), "did you mean 'slam'"),  # type: ignore[arg-type]  # wrong on purpose
-        (
-            lambda: SlamFilter((0, 0, 0), np.eye(2)),
-            r"expected a finite covariance of shape \(3, 3\)",
-        ),
+        (lambda: SlamFilter((0, 0, 0), np.eye(2)), r"expected a finite covariance of shape \(3, 3\)"),
         (lambda: SlamFilter((0, 0, 0), -np.eye(3)), "positive semidefinite"),
         (lambda: SlamFilter(np.zeros((2, 3))), r"pose: expected shape \(3,\), got \(2, 3\)"),
         (lambda: slam().update([1.0, 0.0], SENSOR, 7), "feature: expected the id of one of the 1 features, got 7"),
@@ -255,18 +246,12 @@ def slam() -> SlamFilter:
         (lambda: slam().update([np.nan, 0.0], SENSOR, 0), "finite"),
         (lambda: slam().update([1.0, 0.0, 0.0], SENSOR, 0), "1 times 2 finite numbers"),
         (lambda: slam().update([1.0, 0.0], SENSOR, 0, -9 * np.eye(2)), "positive semidefinite"),
-        (
-            lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]),
-            "expected one reading of each feature",
-        ),
+        (lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]), "expected one reading of each feature"),
         (lambda: slam().add_feature([np.inf, 0.0], SENSOR), "2 finite numbers"),
         (lambda: slam().add_known_feature([np.inf, 0.0]), "finite numbers"),
         (lambda: slam().predict(MOTION, [np.nan, 0.0, 1.0]), "odometry"),
         (lambda: slam().set_pose([0, 0, 0]), "expected mode 'mapping', got 'slam'"),
-        (
-            lambda: SlamFilter(mode="mapping").predict(MOTION, [1, 0, 1]),
-            "expected set_pose",
-        ),
+        (lambda: SlamFilter(mode="mapping").predict(MOTION, [1, 0, 1]), "expected set_pose"),
     ],
 )
 def test_misuse(call: Callable[[], object], message: str) -> None:

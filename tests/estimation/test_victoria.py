@@ -64,11 +64,7 @@ def test_a_small_log(tmp_path: Path) -> None:
             4,
         ),
         ("LANDMARK 1 7 2 1 0.4 0 0.4", "expected pose 4, got pose 1, a pose left behind: the line is out of order", 4),
-        (
-            "ODOMETRY 4 4 1 0 0 0.01 0 0 0.01 0 0.01",
-            "motion from pose 4: expected to a later pose, got pose 4",
-            4,
-        ),
+        ("ODOMETRY 4 4 1 0 0 0.01 0 0 0.01 0 0.01", "motion from pose 4: expected to a later pose, got pose 4", 4),
         ("LANDMRK 4 7 2 1 0.4 0 0.4", "expected a line with ODOMETRY, LANDMARK, got 'LANDMRK 4 7 2 1 0.4 0 0.4'", 4),
     ],
 )

@@ -1,7 +1,5 @@
 # ruff: noqa: N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""The settings of a run over a log, and what it gives: trajectory, features, what happened to the records.
-
-Data association: which reading is of which feature.
+"""Which reading is of which feature.
 
 Readings of one instant are distinguished by the squared Mahalanobis distance d² = yᵀ S⁻¹ y to what each feature should
 read, which has a chi-square distribution where reading and feature belong together. There are two thresholds: under

@@ -1,7 +1,5 @@
 # ruff: noqa: N803, N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""Covariance matrices: what is accepted as one, and how one shrinks without losing its symmetry.
-
-Does a filter know how wrong it is? NEES and NIS, and the bands that they should lie in.
+"""Covariances: what is accepted as one, and whether they are those of the errors, by NEES and NIS.
 
 If the stated covariances are those of the errors, the normalised estimation error squared (NEES) and the normalised
 innovation squared (NIS) have chi-square distributions. Averages above their band mean a filter that is too sure of

@@ -1,8 +1,5 @@
 # ruff: noqa: N803, N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""The settings of a run over a log, and what it gives: trajectory, features, what happened to the records.
-
-EKF-SLAM over the records of a log: predict, observe, update.
-"""
+"""EKF-SLAM over the records of a log: predict, observe, update; trajectory, features, what became of the records."""
 
 from __future__ import annotations
 
@@ -319,13 +316,7 @@ class EkfSlam:
     def features(self, *, tentative: bool = False) -> tuple[MapFeature, ...]:
         """Return the features found so far: those that are confirmed, or with ``tentative`` all."""
         return tuple(
-            MapFeature(
-                i,
-                history.identity,
-                self.filter.feature(i),
-                self.filter.feature_covariance(i),
-                history.readings,
-            )
+            MapFeature(i, history.identity, self.filter.feature(i), self.filter.feature_covariance(i), history.readings)
             for i, history in self._features.histories.items()
             if history.confirmed or tentative
         )

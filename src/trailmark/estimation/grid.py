@@ -1,8 +1,6 @@
-"""The walk along a line from cell to cell of a grid: where it begins, and where it crosses into the next cells.
+"""A grid that counts, for each cell, how many laser beams ended in it and how many went through it.
 
-Source: Amanatides & Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
-
-A grid that counts, for each cell, how many laser beams ended in it and how many went through it.
+Beams are walked from cell to cell: Amanatides & Woo 1987, "A fast voxel traversal algorithm for ray tracing".
 """
 
 from __future__ import annotations

@@ -5,13 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from trailmark.checked import (
-    Count,
-    Finite,
-    NonNegative,
-    Positive,
-    checked_fields,
-)
+from trailmark.checked import Count, Finite, NonNegative, Positive, checked_fields
 from trailmark.estimates import Frame
 from trailmark.estimation.association import SlamSettings
 from trailmark.estimation.errors import EstimationError

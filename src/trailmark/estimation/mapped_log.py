@@ -68,14 +68,17 @@ class MappedLog(NamedTuple):
         risk = self.world.risk
         kinds = Counter(_KINDS[type(record)] for record in self.log.records)
         steps = np.diff(self.trajectory, axis=0)
-        times = self.trajectory[:, 0]
+        times, matched, matching = self.trajectory[:, 0], self.matched, None
+        if matched is not None:
+            matching = {"nodes": len(matched.keys), "relations": len(matched.relations)}
+            matching |= {"closures": matched.closures, "rejected": matched.rejected}
         return {
             "name": self.log.name,
             "records": {"all": len(self.log.records), **{name: kinds[name] for name in _KINDS.values()}},
             "dropped": self.log.dropped,
             "poses": self.poses,
             "association": self.association,
-            "matching": self._matching(),
+            "matching": matching,
             "features": self._features(),
             "nis": self._nis(),
             "batch": None if self.batch is None else self.batch.figures,
@@ -96,13 +99,6 @@ class MappedLog(NamedTuple):
             "warnings": list(self.warnings),
             "notes": list(self.notes),
         }
-
-    def _matching(self) -> dict[str, int] | None:
-        """Return what the graph of scans consists of."""
-        if self.matched is None:
-            return None
-        names = {"nodes": len(self.matched.keys), "relations": len(self.matched.relations)}
-        return {**names, "closures": self.matched.closures, "rejected": self.matched.rejected}
 
     def _features(self) -> dict[str, int]:
         """Return how many features there are, of those that obstacles are made of."""
@@ -206,11 +202,6 @@ def log_warnings(records: Sequence[Record], detected: bool) -> list[str]:
     return found
 
 
-def scan_warnings(trajectory: FloatArray) -> list[str]:
-    """Return what looks wrong with a map of scans, by its trajectory, rows t, x, y, theta."""
-    return _speed_warnings(trajectory)
-
-
 def placement_doubts(matched: ScanPoses, trajectory: FloatArray) -> list[str]:
     """Return why the places of matched scans are not known, with times and places."""
     if not matched.unplaced:
@@ -305,7 +296,7 @@ def detection_warnings(
             f"{doubled} of {len(estimates)} features may be others seen twice, so that the map shows more than there "
             "is: look at it with --plot; the setting slam.confirm: 20 keeps those with more readings"
         )
-    return [*found, *(_speed_warnings(result.trajectory) if poses == "slam" else [])]
+    return [*found, *(speed_warnings(result.trajectory) if poses == "slam" else [])]
 
 
 def _doubled(estimates: Sequence[ObstacleEstimate]) -> int:
@@ -320,11 +311,9 @@ def _doubled(estimates: Sequence[ObstacleEstimate]) -> int:
     return len(np.unique(j[d2 <= chi_square_quantile(SAME, 2)]))
 
 
-def _speed_warnings(trajectory: FloatArray) -> list[str]:
-    found = list[str]()
-    if (speed := top_speed(trajectory)) > MAX_SPEED:
-        found.append(
-            f"speeds of {speed:.3g} m/s and more: expected at most {MAX_SPEED:g}; are the log's times right, and its "
-            "odometry without jumps?"
-        )
-    return found
+def speed_warnings(trajectory: FloatArray) -> list[str]:
+    """Return what looks wrong with a trajectory, rows t, x, y, theta: speeds that no robot has."""
+    if (speed := top_speed(trajectory)) <= MAX_SPEED:
+        return []
+    limit = f"expected at most {MAX_SPEED:g}; are the log's times right, and its odometry without jumps?"
+    return [f"speeds of {speed:.3g} m/s and more: {limit}"]

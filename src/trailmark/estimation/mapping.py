@@ -1,7 +1,4 @@
-"""What a log's obstacles are made of, and where the robot was: by EKF-SLAM, by the log, or by odometry alone.
-
-From a log to a world: EKF-SLAM over detections, or a map from laser scans, and obstacles grown by their risk.
-"""
+"""From a log to a world: poses by matching, EKF-SLAM or the log, obstacles from scans or detections, grown by risk."""
 
 from __future__ import annotations
 
@@ -25,20 +22,12 @@ from trailmark.estimation.mapped_log import (
     log_warnings,
     placement_doubts,
     places_text,
-    scan_warnings,
+    speed_warnings,
 )
 from trailmark.estimation.obstacles import ScanMap, disc_estimates, map_scans
 from trailmark.estimation.odometry import missing_odometry, scan_poses
 from trailmark.estimation.pose_graph import GraphSettings
-from trailmark.estimation.records import (
-    Detection,
-    Increment,
-    Log,
-    Odometry,
-    Pose,
-    Scan,
-    with_own_times,
-)
+from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Scan, with_own_times
 from trailmark.estimation.risk import regrow
 from trailmark.se2 import FloatArray, transform
 from trailmark.world import Query, Robot, World
@@ -158,7 +147,7 @@ def map_log(
         warnings = detection_warnings(run.result, known, fitted, sources.poses)
         doubts = [] if run.association == "known" else association_doubts(run.result, known, sources.poses)
     else:
-        warnings = scan_warnings(trajectory)
+        warnings = speed_warnings(trajectory)
         doubts = [] if matched is None else placement_doubts(matched, trajectory)
     warnings += [] if sources.poses == "log" else gap_warnings(log.records)
     if doubts:

@@ -1,11 +1,8 @@
-"""What a map's tracks and its grid come to: walls, discs, groups of cells, and the unknown.
+"""From laser scans at known poses to a world: walls and discs with covariances, cells where nothing else fits.
 
-From a log of laser scans to a world: walls and discs with their covariances, and cells where nothing else fits.
-
-Lines and discs of single scans are found again from scan to scan and refined by the EKF
-(:mod:`trailmark.estimation.scan_features`). Beside them a grid counts where beams ended and what they went through. It
-says along which stretches a line is a wall, what neither walls nor discs explain, and what no beam has reached
-(:mod:`trailmark.estimation.obstacles`).
+Lines and discs of single scans are found again from scan to scan and refined by the EKF. A grid counts where beams
+ended and what they went through. It says along which stretches a line is a wall, what neither walls nor discs
+explain, and what no beam has reached.
 """
 
 from __future__ import annotations

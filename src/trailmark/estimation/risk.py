@@ -1,26 +1,13 @@
 # ruff: noqa: N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""Regions that contain an obstacle, known up to a covariance, with a stated probability.
+"""Obstacles known up to a covariance: regions that contain them with a stated probability, and the risk of a path.
 
 An obstacle whose numbers have covariance Σ lies, with probability p, among the shapes with ξᵀ Σ⁻¹ ξ <= χ²ₖ(p), ξ the
-error of its k numbers. The region contains all of those: it is the Minkowski sum of the shape with the covariance's
-ellipse where Σ is that of a displacement.
-
-Obstacles grown so that a path past all of them meets any true one with at most a stated probability.
-
-:func:`trailmark.estimation.grow` gives each obstacle a region. If obstacle i leaves its region with probability δᵢ at
-most, then a path that avoids all regions meets an obstacle with probability Σ δᵢ at most, whatever the dependence
-between obstacles (Boole's inequality); :func:`regrow` shares 1 − p out. All this takes the errors to be Gaussian with
-the covariances given: an estimator that is too sure of itself makes the bound wrong.
-
-What a robot covers along a path, as a region of the plane.
-
-The probability that a path meets one of the true obstacles, of which only estimates are known.
-
-The obstacles are drawn from their distributions, with the robot's own pose error, and the draws that meet what the
-robot covers along the path are counted: Janson, Schmerling & Pavone, "Monte Carlo motion planning for robot trajectory
-optimization under uncertainty", ISRR 2015, section 3. The counts of all obstacles are added up (Boole's inequality), so
-that nothing is assumed of how the obstacles' errors depend on one another. All this takes the errors to be Gaussian
-with the covariances given: an estimator that is too sure of itself makes the figure too small.
+error of its k numbers; its region contains all of those. If obstacle i leaves its region with probability δᵢ at most,
+a path that avoids all regions meets an obstacle with probability Σ δᵢ at most, whatever the dependence between them
+(Boole's inequality). The risk of a path is also counted in draws of obstacles and of the robot's pose error: Janson,
+Schmerling & Pavone 2015, "Monte Carlo motion planning for robot trajectory optimization under uncertainty", section 3.
+All this takes the errors to be Gaussian with the covariances given: an estimator that is too sure of itself makes it
+wrong.
 """
 
 from __future__ import annotations
@@ -272,11 +259,7 @@ Matrix3 = Annotated[ArrayLike, shaped(3, 3)]
 
 @checked_arguments(EstimationError)
 def regrow(
-    world: World,
-    confidence: Probability,
-    *,
-    weights: Numbers | None = None,
-    pose_covariance: Matrix3 | None = None,
+    world: World, confidence: Probability, *, weights: Numbers | None = None, pose_covariance: Matrix3 | None = None
 ) -> World:
     """Return the world with its estimated obstacles grown anew, from their means.
 

@@ -1,19 +1,10 @@
 # ruff: noqa: N803, N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""Lines and circles fitted to points of unequal noise, with the covariances of what they come to.
+"""Lines and discs in laser scans, and over scans: found again by gate and place, refined by the EKF.
 
-Features of one laser scan: its end points in groups, and in the groups lines, discs and what is neither.
-
-All features are given in the robot's frame. A line is (ρ, α), {p : p·(cos α, sin α) = ρ}, its normal pointing away
-from the scanner: ρ is then negative where the scanner stands farther out than the line, seen from the robot's origin.
-
-Features of scans over time: found again by gate and place, refined by the EKF, confirmed or dropped.
-
-The poses of the scans are known up to a covariance. A feature does not move: F is the identity and
-Q is 0, so each scan that shows it is one EKF update.
-
-The errors of poses that follow one another are anything but independent, so what they do to a feature does not
-average out over its scans. The update weighs a scan by its whole uncertainty, and :meth:`Tracks.covariance` adds
-what a pose's errors do to the feature on average.
+A line is (ρ, α), {p : p·(cos α, sin α) = ρ}, its normal pointing away from the scanner: ρ is then negative where the
+scanner stands farther out than the line, seen from the robot's origin. Features stand (F is the identity, Q is 0), so
+each scan that shows one is one update. The errors of poses that follow one another are not independent: what they do
+to a feature does not average out over its scans (:meth:`Tracks.covariance`).
 """
 
 from __future__ import annotations

@@ -1,21 +1,10 @@
-"""A scan as a cloud of end points with the directions of the surfaces that they lie on.
+"""Scan matching: clouds of end points, local maps made of some, the search for a pose, its refinement and covariance.
 
-A map of the surroundings, made of a few scans, that another scan is matched against.
-
-It holds how likely an end point is at each cell, at several resolutions (Olson 2009, "Real-time correlative scan
-matching"; the maxima over squares of cells are those of Hess et al. 2016, "Real-time loop closure in 2D LIDAR SLAM"),
-and for each cell the nearest of the surface points that the map is made of.
-
-Scan matching: a cloud of end points is moved onto the lines of a local map, from a pose near by.
-
-Point-to-line refinement (Censi 2008, "An ICP variant using a point-to-line metric") with a robust kernel. Where the
-first guess may lie far off, :mod:`trailmark.estimation.scan_matching` comes before it.
-
-Correlative scan matching: the best pose of a lattice of them, wherever the first guess lay, and its covariance.
-
-The search (Olson 2009, "Real-time correlative scan matching") is by branch and bound over the map's resolutions (Hess
-et al. 2016, "Real-time loop closure in 2D LIDAR SLAM"). The covariance is that of the correlation surface around a
-match, so that the direction of a corridor, along which nothing holds the scan, is known as such.
+A local map holds how likely an end point is at each cell, at several resolutions, and its nearest surface point. The
+search is by branch and bound over these (Olson 2009, "Real-time correlative scan matching"; Hess et al. 2016,
+"Real-time loop closure in 2D LIDAR SLAM"), the refinement point to line (Censi 2008, "An ICP variant using a
+point-to-line metric") with a robust kernel. The covariance is that of the correlation surface around a match, so that
+the direction of a corridor, along which nothing holds the scan, is known as such.
 """
 
 from __future__ import annotations

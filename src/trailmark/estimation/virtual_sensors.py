@@ -1,12 +1,5 @@
 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""Simulated sensors: a detector of point-like discs, and a laser scanner.
-
-Point features refined from range-bearing readings by the EKF: the first step of the source method's Algorithm 2.
-
-The filter is filterpy's. Its state holds the positions (x, y) of some features, which stand: F is the identity, and
-W Q Wᵀ, which a prediction adds to P, is 0. The poses of the readings are known here, and of which feature each is. The
-first reading places a feature (the sensor's inverse), every further one is an update with V R Vᵀ as its noise.
-"""
+"""Simulated sensors: a detector of point-like discs, a laser scanner, and readings of obstacles' outlines."""
 
 from __future__ import annotations
 

@@ -17,16 +17,7 @@ from numpy.typing import NDArray
 from trailmark.errors import FormatError
 from trailmark.se2 import FloatArray
 
-__all__ = [
-    "BadRecords",
-    "Table",
-    "in_order",
-    "name_of",
-    "numbers",
-    "read_head",
-    "read_lines",
-    "read_table",
-]
+__all__ = ["BadRecords", "Table", "in_order", "name_of", "numbers", "read_head", "read_lines", "read_table"]
 
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -28,10 +28,7 @@ from trailmark.se2 import FloatArray
 __all__ = ["KEYWORDS", "read_gps", "read_victoria"]
 
 # The lines' first words and the columns after them.
-KEYWORDS = {
-    "ODOMETRY": "i j dx dy dtheta c11 c12 c13 c22 c23 c33",
-    "LANDMARK": "i j x y c11 c12 c22",
-}
+KEYWORDS = {"ODOMETRY": "i j dx dy dtheta c11 c12 c13 c22 c23 c33", "LANDMARK": "i j x y c11 c12 c22"}
 
 
 def read_victoria(path: Path, bad: BadRecords) -> Log:
