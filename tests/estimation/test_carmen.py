@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import math
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -113,18 +112,6 @@ def test_gmappings_corrected_log(tmp_path: Path) -> None:
     assert [r.t for r in log.records] == [1.0, 2.0, 2.0, 3.0, 3.0, 4.0]
     assert [s.pose for s in scans(log.records)] == [(0.9, 0.1, 0.5), (2.0, 1.0, 0.25)]
     assert {s.mount for s in scans(log.records)} == {(0.0, 0.0, 0.0)}
-
-
-def test_gmappings_log_without_its_own_lines(tmp_path: Path) -> None:
-    lines = [odom(9.0, 0, 0, 0), flaser(9.0, [1.0], (1, 0, 0), (1, 0, 0)), odom(0, 1, 0, 0), odom(9.5, 1.5, 0, 0)]
-    path = tmp_path / "a.log"
-    path.write_text("\n".join(lines))
-    log = load_log(path, corrected=True)
-    assert [r[:4] for r in log.records if isinstance(r, Increment)] == [(9.5, 0.5, 0.0, 0.0)]
-    assert scans(log.records)[0].pose == (1.0, 0.0, 0.0)
-    # Not told, it is a robot that stands still, and a time that goes back.
-    with pytest.raises(FormatError, match=r"a.log:3: time: expected at most 2 s before 9.0, got 0.0"):
-        load_log(path)
 
 
 def test_whether_the_poses_are_corrected_can_be_told(tmp_path: Path) -> None:
@@ -274,24 +261,6 @@ def test_scans_of_corrected_logs_fall_together(shared_data: Path, name: str) -> 
 
     half = math.radians(0.5)
     assert cells(first, step) < min(cells(first + half, step), cells(first - half, step), cells(first, math.pi / 179))
-
-
-@pytest.mark.slow
-def test_the_odometry_alone_is_near_the_corrected_poses(shared_data: Path) -> None:
-    # Between two scans of the ACES log the odometry drifts by centimetres; a jump left in would show.
-    log = loaded(shared_data / "carmen" / "aces-corrected.log.gz")
-    places = [i for i, r in enumerate(log.records) if isinstance(r, Scan)]
-    drifts = []
-    for a, b in pairwise(places):
-        start, end = log.records[a], log.records[b]
-        assert isinstance(start, Scan)
-        assert isinstance(end, Scan)
-        assert start.pose is not None
-        assert end.pose is not None
-        moved = driven(log._replace(records=(Pose(0.0, *start.pose), *log.records[a + 1 : b])))
-        drifts.append(np.hypot(*(moved[:2] - end.pose[:2])))
-    assert np.median(drifts) < 0.1
-    assert max(drifts) < 0.6
 
 
 def test_a_single_reading_far_beyond_all_others_is_a_glitch(tmp_path: Path) -> None:

@@ -28,10 +28,3 @@ def test_band_of_different_degrees_of_freedom() -> None:
     assert (found.mean, found.expected, found.size) == (1.0, 3.2, 5)
     assert found.low == pytest.approx(chi2.ppf(0.05, 16) / 5)
     assert found.high == pytest.approx(chi2.ppf(0.95, 16) / 5)
-
-
-def test_nothing_to_average() -> None:
-    found = average([], 2)
-    assert found.size == 0
-    assert np.isnan(found.mean)
-    assert not found.inside

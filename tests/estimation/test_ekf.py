@@ -9,7 +9,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from trailmark import Disc, Polygon, Rectangle, World
 from trailmark.estimation import RangeBearing, refine_points, sense_obstacles
@@ -64,25 +63,6 @@ def test_many_at_once_are_each_one_by_the_equations(
         point, covariance = by_recursion(readings[i], poses[i], sensor)
         assert np.abs(point - many.points[i]).max() < 1e-9
         assert np.abs(covariance - many.covariances[i]).max() < 1e-9
-
-
-def test_near_the_batch_optimum() -> None:
-    sensor = RangeBearing(0.05, 0.01)
-    _, poses, readings = log(30, 15, sensor, 3)
-    refined = refine_points(readings, poses, sensor)
-    for x, z, point, P in zip(poses, readings, *refined, strict=True):
-
-        def errors(p: FloatArray, x: FloatArray = x, z: FloatArray = z) -> FloatArray:
-            d = p - x[:, :2]
-            turn = np.angle(np.exp(1j * (z[:, 1] - np.arctan2(d[:, 1], d[:, 0]) + x[:, 2])))
-            return np.concatenate([(z[:, 0] - np.hypot(d[:, 0], d[:, 1])) / 0.05, turn / 0.01])
-
-        best = least_squares(errors, point, xtol=1e-14, ftol=1e-14)
-        jacobian = np.asarray(best.jac)
-        batch = np.linalg.inv(jacobian.T @ jacobian)
-        # What relinearising could still gain is small against the deviation that the filter states.
-        assert (best.x - point) @ np.linalg.solve(P, best.x - point) < 0.1
-        assert np.allclose(P, batch, rtol=0.1, atol=0.05 * np.trace(batch))
 
 
 def test_stated_covariance_is_the_true_one() -> None:

@@ -204,11 +204,6 @@ def test_what_could_not_be_read_is_not_written(tmp_path: Path, record: Record) -
     assert [file.name for file in tmp_path.iterdir()] == ["a.jsonl"]
 
 
-def test_nowhere_to_write(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="cannot be written"):
-        save_log(Log("a", (Odometry(0.0, 0.0, 0.0),), np.empty((0, 3))), tmp_path / "no" / "a.jsonl")
-
-
 def a_drive(clock: float, offset: float = 0.0) -> list[Record]:
     """Ten instants a second, at each a motion and a reading of feature 7, stamped by a clock of these ticks."""
     records: list[Record] = []

@@ -1,15 +1,18 @@
-"""Maps of logs, smoothed: better than the filter's, with wrong noise, misread names, and poses in between."""
+"""Maps of logs with detections, smoothed: wrong noise, misread names, poses in between, coarse bearings, no names."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from scipy.stats import binom, chi2
 from tests.helpers.alignment import aligned, rms
-from tests.support.trials import trials
+from tests.support.trials import few, trials
 
 from trailmark.estimation import (
     Detection,
@@ -18,6 +21,7 @@ from trailmark.estimation import (
     Increment,
     Log,
     MapSettings,
+    NotCertifiedError,
     Odometry,
     Pose,
     RangeBearing,
@@ -27,6 +31,7 @@ from trailmark.estimation import (
 )
 from trailmark.estimation.covariance import nees
 from trailmark.estimation.landmark_graph import polar_readings
+from trailmark.estimation.map_settings import MappingSettings
 from trailmark.estimation.mapped_log import MappedLog
 from trailmark.estimation.noise_fit import Batch
 from trailmark.estimation.odometry import OdometryTrack
@@ -47,16 +52,6 @@ def log(seed: int = 0, rounds: int = 2) -> Log:
     return simulate(YARD, rounds * ROUND, MOTION, detector=Detector(SENSOR, 7.0), random_state=seed).log
 
 
-@cache
-def filtered(seed: int = 0) -> MappedLog:
-    return map_log(log(seed), MapSettings(smooth=False))
-
-
-@cache
-def smoothed(seed: int = 0) -> MappedLog:
-    return map_log(log(seed), RIGHT)
-
-
 def errors(mapped: MappedLog) -> tuple[float, float]:
     """Root mean squares of landmarks and of the trajectory, after the landmarks' alignment."""
     assert mapped.slam is not None
@@ -67,14 +62,6 @@ def errors(mapped: MappedLog) -> tuple[float, float]:
     truth = np.array([record[:3] for record in mapped.log.records if isinstance(record, Pose)])
     path = np.column_stack([np.interp(mapped.trajectory[:, 0], truth[:, 0], truth[:, j]) for j in (1, 2)])
     return rms(motion(found) - true), rms(motion(mapped.trajectory[:, 1:3]) - path)
-
-
-@pytest.mark.slow
-def test_smoothing_makes_the_trajectory_better() -> None:
-    before = [errors(filtered(seed)) for seed in trials(2, of=2)]
-    after = [errors(smoothed(seed)) for seed in trials(2, of=2)]
-    assert np.mean([t for _, t in after]) < 0.8 * np.mean([t for _, t in before])
-    assert filtered().batch is None
 
 
 FAR = np.array([[20.0, 2.0], [21.0, -3.0], [24.0, 1.0], [26.0, -2.0], [23.0, 4.0]])
@@ -270,3 +257,169 @@ def test_a_reading_that_cannot_be_is_told_in_one_line(z: list[float], identity: 
     with pytest.raises(EstimationError, match="expected z of at most") as caught:
         map_log(log()._replace(records=tuple(records)), RIGHT)
     assert "\n" not in str(caught.value)
+
+
+POSTS_BEARINGS = np.array([[6.0, 1.0], [4.0, -2.0], [2.0, 3.0], [8.0, 4.0], [5.0, -5.0]])
+CERTAIN = MappingSettings(pose_sigma=(0.0, 0.0))
+
+
+def log_bearings(rng: np.random.Generator, count: int, sigma: tuple[float, float], stated: bool) -> Log:
+    """Return a straight drive past the posts, by poses or by odometry, with all of them read each second."""
+    records: list[Record] = [] if stated else [Odometry(0.0, 0.3, 0.0)]
+    for t in range(count):
+        x = 0.3 * t
+        records += [Pose(float(t), x, 0.0, 0.0)] if stated else []
+        dx, dy = (POSTS_BEARINGS - [x, 0.0]).T
+        z = np.column_stack([np.hypot(dx, dy), np.arctan2(dy, dx)]) + rng.normal(0.0, sigma, (len(POSTS_BEARINGS), 2))
+        records += [Detection(float(t), z[i], identity=i, covariance=np.square(np.diag(sigma))) for i in range(len(z))]
+    return Log("coarse", tuple(records), np.empty((0, 3)))
+
+
+def of_first(given: Log, posts: int) -> Log:
+    """Return the log_bearings without the readings of all but the first posts."""
+    records = (r for r in given.records if not isinstance(r, Detection) or (r.identity or 0) < posts)
+    return given._replace(records=tuple(records))
+
+
+def scores(count: int, sigma: tuple[float, float], settings: MapSettings, runs: int, posts: int = 5) -> np.ndarray:
+    """Return eᵀ P⁻¹ e of each of the first posts in each of the runs, P as the world states it if they are few."""
+    rng, found = np.random.default_rng(0), []
+    for _ in range(runs):
+        mapped = map_log(of_first(log_bearings(rng, count, sigma, settings.poses == "log"), posts), settings)
+        assert mapped.slam is not None
+        for feature, estimate in zip(mapped.slam.features, mapped.world.estimates, strict=True):
+            assert estimate is not None
+            error = feature.mean - POSTS_BEARINGS[feature.identity or 0]
+            P = estimate.covariance if posts < 4 else feature.covariance  # noqa: N806 # the filter's own symbol
+            found.append(error @ np.linalg.solve(P, error))
+    return np.array(found)
+
+
+def beyond(found: np.ndarray) -> bool:
+    """Whether more of the values lie beyond the quantile of 99 % than once in two hundred times."""
+    return bool(np.count_nonzero(found > chi2.ppf(0.99, 2)) > binom.ppf(0.995, len(found), 0.01))
+
+
+@pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.2), (0.01, 0.1)])
+@pytest.mark.parametrize("count", [1, 20])
+def test_by_the_poses_of_the_log(count: int, sigma: tuple[float, float]) -> None:
+    found = scores(count, sigma, MapSettings(poses="log", mapping=CERTAIN), few(40, of=8))
+    assert 0.5 < found.mean() < 2.6
+    assert not beyond(found)
+
+
+@pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.2), (0.05, 0.3)])
+@pytest.mark.parametrize("count", [1, 20])
+def test_smoothed(count: int, sigma: tuple[float, float]) -> None:
+    found = scores(count, sigma, MapSettings(), few(20, of=4))
+    # Where bearings are coarse, what a linearised reading misses counts six times, for the sake of the 0.99, so that
+    # covariances are too large on average. The features of a run share its errors, too. Over 60 runs with 0.3 rad
+    # the mean is 1.2, and that of the five runs that these mostly are scatters about it by 0.4.
+    assert (0.5 if sigma[1] < 0.3 else 0.1) < found.mean() < 2.6
+    assert not beyond(found)
+
+
+@pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.2)])
+@pytest.mark.parametrize("posts", [1, 2, 3])
+def test_few_features_are_placed_in_the_frame_of_the_first_pose(posts: int, sigma: tuple[float, float]) -> None:
+    # Not fewer: features of one run share its errors, and one run in some forty is far off.
+    found = scores(3, sigma, MapSettings(), few(40), posts)
+    assert 0.5 < found.mean() < 2.8
+    assert not beyond(found)
+
+
+@pytest.mark.parametrize("variance", [0.0, 1e-30, np.nan])
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_reading_without_error_is_told_in_one_line(variance: float, smooth: bool) -> None:
+    given = log_bearings(np.random.default_rng(0), 3, (0.05, 0.02), stated=False)
+    sure = np.diag([variance, 0.01])
+    wrong = [r._replace(covariance=sure) if isinstance(r, Detection) and r.t == 2.0 else r for r in given.records]
+    with pytest.raises(EstimationError, match=r"^detection at 2 s: expected a (finite )?covariance of s"):
+        map_log(given._replace(records=tuple(wrong)), MapSettings(smooth=smooth))
+
+
+@pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.3)])
+@pytest.mark.parametrize("count", [3, 20])
+def test_by_the_filter_of_poses_and_features(count: int, sigma: tuple[float, float]) -> None:
+    found = scores(count, sigma, MapSettings(smooth=False), few(20, of=4))
+    assert found.mean() < 2.6
+    assert not beyond(found)
+
+
+# Pairs 0.4 m apart.
+SINGLE = np.array([[2.0, 2.2], [5.0, 1.0], [9.5, 1.5], [10.5, 5.0], [7.0, 6.5], [3.0, 6.8]])
+POSTS_FEATURES = np.vstack([SINGLE, SINGLE + np.array([0.4, 0.0])])
+YARD_FEATURES = World("yard", (0.0, 0.0, 12.0, 8.0), tuple(Disc((float(x), float(y)), 0.1) for x, y in POSTS_FEATURES))
+ROUND_FEATURES = [[1.0, 1.0], [8.0, 2.6], [9.0, 5.0], [4.5, 5.3], [2.2, 4.0]]
+
+
+def log_features(rounds: int, turn: float = 1.0, depth: bool = False) -> Log:
+    """A drive whose odometry states its turns too large, and whose camera reads depth, right on average."""
+    detector = Detector(RangeBearing(0.05, 0.01), 6.0, period=0.5 if depth else 1.0)
+    made = simulate(
+        YARD_FEATURES, rounds * ROUND_FEATURES, Unicycle(0.02, 0.03, period=1.0), detector=detector, random_state=0
+    ).log
+    records = []
+    for record in made.records:
+        if isinstance(record, Odometry):
+            record = record._replace(omega=turn * record.omega)
+        if isinstance(record, Detection):
+            if depth and abs(record.z[1]) > 0.7:
+                continue
+            z = np.array([record.z[0] * (1.085 * np.cos(record.z[1]) if depth else 1.0), record.z[1]])
+            record = record._replace(z=z, covariance=None)
+        records.append(record)
+    return made._replace(records=tuple(records))
+
+
+def mapped(given: Log) -> tuple[MappedLog, float, float]:
+    """The map made without names; the share of readings in a wrong feature, and the places' error, by the names."""
+    names = [record.identity for record in given.records if isinstance(record, Detection)]
+    hidden = tuple(r._replace(identity=None) if isinstance(r, Detection) else r for r in given.records)
+    found = map_log(given._replace(records=hidden), MapSettings())
+    assert found.slam is not None
+    assert found.association == "joint"
+    pairs = [(a.feature, name) for a, name in zip(found.slam.assignments, names, strict=True) if a.feature is not None]
+    owner = {f: Counter(n for g, n in pairs if g == f).most_common(1)[0][0] for f in {f for f, _ in pairs}}
+    wrong = sum(owner[f] != name for f, name in pairs) / len(pairs)
+    surveyed = {int(i): (x, y) for i, x, y in given.landmarks}
+    kept = [f for f in found.slam.features if f.id in owner]
+    points = np.array([f.mean for f in kept])
+    true = np.array([surveyed[owner[f.id] or 0] for f in kept])
+    return found, wrong, rms(aligned(points, true)(points) - true)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rounds", "turn", "depth"), [(2, 1.0, False), (3, 1.1, True)])
+def test_features_are_those_that_there_are(rounds: int, turn: float, depth: bool) -> None:
+    found, wrong, error = mapped(log_features(rounds, turn, depth))
+    assert len(found.world.obstacles) == len(POSTS_FEATURES)
+    assert wrong < 0.05
+    # Posts that hide others are missed.
+    assert depth or found.world.not_certified is None
+    assert error < 0.15  # of that, 0.1 m by the scale, which is known to a percent or two
+
+
+@pytest.mark.slow
+def test_a_robot_that_was_carried_gets_no_confidence() -> None:
+    """It goes on at once where it was set down; without identities all that it sees there is new, or taken for else."""
+    whole = log_features(2)
+    end = max(record.t for record in whole.records)
+    first, last = 0.35 * end, 0.45 * end
+    records = tuple(
+        record._replace(t=record.t - (last - first if record.t > first else 0.0), **named(record))
+        for record in whole.records
+        if not first < record.t < last and not isinstance(record, Pose)
+    )
+    carried = whole._replace(records=records)
+    with pytest.raises(NotCertifiedError, match="not certified"):
+        map_log(carried, MapSettings(), confidence=0.99)
+    found = map_log(carried, MapSettings(), confidence=0.99, even_if_uncertain=True)
+    assert found.world.risk is not None
+    assert found.world.not_certified is not None
+    assert found.figures()["not_certified"] == found.world.not_certified
+    assert any(found.world.not_certified in warning for warning in found.warnings)
+
+
+def named(record: Record) -> dict[str, Any]:
+    return {"identity": None} if isinstance(record, Detection) else {}

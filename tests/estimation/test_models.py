@@ -43,24 +43,6 @@ def test_a_step_is_f_and_its_jacobians(model: MotionModel, x: FloatArray, u: Flo
     assert np.allclose(found.W, W, rtol=1e-8, atol=1e-8)
 
 
-@pytest.mark.parametrize("turn", [*TURNS, 5e-5, 1e-4, 0.05, 0.5])
-def test_slope_across_the_turn_to_twelve_digits(turn: float) -> None:
-    # ∂(x, y)/∂ω of the arc with v = dt = 1 from the origin: the derivatives of sin(ω)/ω and (1 − cos ω)/ω, by
-    # their own power series in extended precision, which converges quickly for the turns here.
-    w = np.longdouble(turn)
-    x_slope = y_slope = np.longdouble(0)
-    factorial = np.longdouble(1)
-    for k in range(1, 80):
-        factorial *= k
-        sign = 1 if (k // 2) % 2 == 0 else -1
-        if k % 2 == 1 and k > 1:
-            x_slope += sign * (k - 1) * w ** (k - 2) / factorial
-        elif k % 2 == 0:
-            y_slope += -sign * (k - 1) * w ** (k - 2) / factorial
-    found = UNICYCLE.step(np.zeros(3), np.array([1.0, turn, 1.0])).W[:2, 1]
-    assert np.allclose(found, [float(x_slope), float(y_slope)], rtol=1e-12, atol=1e-17)
-
-
 @pytest.mark.slow
 @given(poses, velocities)
 def test_arc_is_the_integral_of_the_velocities(x: FloatArray, u: FloatArray) -> None:
@@ -134,13 +116,6 @@ def test_inverse(sensor: SensorModel, x: FloatArray, offset: FloatArray) -> None
     by_reading = jacobian(lambda r: sensor.inverse(x, r).feature, z, 1e-4, np.subtract)
     assert np.allclose(G_pose, by_pose, rtol=1e-7, atol=1e-7)
     assert np.allclose(G_z, by_reading, rtol=1e-7, atol=1e-7)
-
-
-def test_a_reading_by_hand() -> None:
-    # At (1, 2), looking up: a point 3 m to the right and 4 m ahead.
-    x, l = [1.0, 2.0, np.pi / 2], [4.0, 6.0]
-    assert np.allclose(RangeBearing(0.1, 0.1).h(x, l), [5.0, -np.arctan2(3.0, 4.0)])
-    assert np.allclose(Cartesian(0.1, 0.1).h(x, l), [4.0, -3.0])
 
 
 @given(

@@ -127,13 +127,6 @@ def test_bad_rows(tmp_path: Path, name: str, text: str, problem: str) -> None:
     assert len(log.records) == 8 - text.startswith(ODOMETRY[:-5]) * (not text.startswith(ODOMETRY))
 
 
-def test_several_rows_that_go_back(tmp_path: Path) -> None:
-    path = folder(tmp_path, Robot1_Odometry=ODOMETRY + "11 1 1\n11.9 1 1\n12 2 2\n")
-    log = load_log(path, skip_bad=True)
-    assert log.dropped == 2
-    assert log.records[-1] == Odometry(12.0, 2.0, 2.0)
-
-
 def test_whole_second_stamps_are_refused(tmp_path: Path) -> None:
     rows = "".join(f"{10 + k // 5} 0.{k} 0\n" for k in range(30))
     with pytest.raises(FormatError, match=r"expected a stamp for each velocity, got 10.0 for several"):
@@ -167,24 +160,3 @@ def test_the_real_log(shared_data: Path) -> None:
     times = [r.t for r in log.records]
     assert times == sorted(times)
     assert log.landmarks[:, 0].tolist() == list(range(6, 21))
-
-
-@pytest.mark.slow
-def test_detections_fall_on_the_landmarks(shared_data: Path) -> None:
-    # From the true pose a detection must point at its landmark: this would catch a mix-up of identities or signs.
-    log = third(shared_data / "mrclam6")
-    truth = np.array([r[:4] for r in log.records if isinstance(r, Pose)])
-    where = {int(i): (x, y) for i, x, y in log.landmarks}
-    off = []
-    for d in [r for r in log.records if isinstance(r, Detection)][::4]:
-        if d.identity is not None:
-            k = int(np.abs(truth[:, 0] - d.t).argmin())
-            x, y, theta = truth[k, 1:]
-            bearing = theta + d.z[1]
-            off.append(
-                np.hypot(
-                    x + d.z[0] * np.cos(bearing) - where[d.identity][0],
-                    y + d.z[0] * np.sin(bearing) - where[d.identity][1],
-                )
-            )
-    assert np.median(off) < 0.2

@@ -142,12 +142,6 @@ def test_poses_of_the_scans_themselves() -> None:
         scan_poses(log([stated[0], bare(2.0)]), "log")
 
 
-def test_odometry_starts_at_the_first_scans_pose() -> None:
-    records: list[Record] = [bare(0.0)._replace(pose=(5.0, 1.0, math.pi / 2)), Increment(1.0, 2.0, 0.0, 0.0), bare(1.0)]
-    _, x = scan_poses(log(records))
-    assert x == pytest.approx(np.array([[5, 1, math.pi / 2], [5, 3, math.pi / 2]]), abs=1e-12)
-
-
 def test_odometry_is_missing_where_there_is_none_among_much() -> None:
     def driven(counts: list[int]) -> Log:
         records: list[Record] = []

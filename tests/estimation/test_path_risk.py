@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 from scipy.stats import norm, poisson
+from tests.helpers.random_worlds import ROBOTS
 from tests.support.trials import few
 
-from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk import PathRisk, path_risk, swept_region
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
@@ -160,6 +160,32 @@ def test_the_upper_bound_is_hardly_ever_too_low() -> None:
     assert PathRisk(10_000, 10_000).upper_bound == 1.0
 
 
-def test_a_world_without_a_robot_is_refused() -> None:
-    with pytest.raises(EstimationError, match="path_risk: expected a world with a robot"):
-        path_risk(World("w", BOUNDS), STRAIGHT)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["rectangle", "L", "disc"])
+def test_the_swept_region_is_what_the_robot_covers(name: str) -> None:
+    robot = ROBOTS[name]
+    states = np.array([[0, 0, 0], [3, 0, 2.5], [3, 2, -2.5], [3, 2, -2.5]])
+    region = swept_region(robot, states)
+    shapely.prepare(region)
+    bodies = []
+    for a, b in itertools.pairwise(states):
+        turn = (b[2] - a[2] + math.pi) % (2 * math.pi) - math.pi
+        for t in np.linspace(0, 1, 150):
+            x, y, theta = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * turn
+            rotation = np.array([[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]])
+            outline = robot.outline.vertices @ rotation + [x, y]
+            bodies.append(shapely.Point(x, y).buffer(0.6) if name == "disc" else shapely.Polygon(outline))
+    assert shapely.covers(shapely.buffer(region, 1e-9), bodies).all()
+    # No point moves farther than 5 cm from one body to the next.
+    assert shapely.covers(shapely.buffer(shapely.union_all(bodies), 0.03), region)
+    assert shapely.covers(swept_region(robot, states[0]), robot.outline.shapely())
+
+
+@pytest.mark.slow
+def test_far_from_the_origin_it_is_the_same_region() -> None:
+    states = np.array([[0, 0, 0], [3, 0, 2.5], [3, 2, -2.5]])
+    near = swept_region(ROBOTS["L"], states)
+    for offset in (1e4, 1e6):
+        far = swept_region(ROBOTS["L"], states + np.array([offset, -offset, 0.0]))
+        back = shapely.transform(far, lambda points, o=offset: points - [o, -o])
+        assert shapely.hausdorff_distance(near, back) <= 4.0 * np.spacing(offset)

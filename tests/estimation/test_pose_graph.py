@@ -9,8 +9,7 @@ import pytest
 from tests.support.trials import few
 
 from trailmark.estimation.pose_graph import Relation, optimise, pose_covariances, relative_covariances
-from trailmark.estimation.scan_matching import relative
-from trailmark.se2 import FloatArray, compose
+from trailmark.se2 import FloatArray, between, compose
 
 COVARIANCE = np.diag([0.02, 0.01, 0.01]) ** 2
 
@@ -23,7 +22,7 @@ def ring(n: int = 24, radius: float = 5.0) -> FloatArray:
 def measured(true: FloatArray, pairs: list[tuple[int, int]], rng: np.random.Generator) -> list[Relation]:
     noise = rng.multivariate_normal(np.zeros(3), COVARIANCE, len(pairs))
     return [
-        Relation(a, b, compose(relative(true[a], true[b]), error), COVARIANCE, b == a + 1)
+        Relation(a, b, compose(between(true[a], true[b]), error), COVARIANCE, b == a + 1)
         for (a, b), error in zip(pairs, noise, strict=True)
     ]
 
@@ -78,7 +77,7 @@ def test_covariances_of_a_long_corridor_are_those_of_its_steps_added_up() -> Non
     n, rng = 1500, np.random.default_rng(0)
     poses = np.column_stack([0.8 * np.arange(n), 0.3 * rng.standard_normal(n), 0.5 * np.sin(np.arange(n))])
     relations, expected = [], [np.zeros((3, 3))]
-    for i, step in enumerate(relative(poses[k], poses[k + 1]) for k in range(n - 1)):
+    for i, step in enumerate(between(poses[k], poses[k + 1]) for k in range(n - 1)):
         along, own = rotation(-poses[i + 1, 2]), np.diag([1.0, 1e-3, 7e-5 if i else 0.08]) ** 2
         relations.append(Relation(i, i + 1, step, along @ own @ along.T))
         # Of a pose's error in the frame of the next one (by the adjoint of SE(2)).

@@ -16,10 +16,10 @@ from tests.support.trials import few
 from trailmark.estimation.laser_slam import ScanPoses, match_scans
 from trailmark.estimation.pose_graph import GraphSettings, KeyScans
 from trailmark.estimation.records import Scan
-from trailmark.estimation.scan_matching import PointCloud, relative
+from trailmark.estimation.scan_matching import PointCloud
 from trailmark.estimation.virtual_sensors import Scanner
 from trailmark.exploration.scan_mapper import graph_settings
-from trailmark.se2 import FloatArray, compose
+from trailmark.se2 import FloatArray, between, compose
 
 BLOCK = (
     room(0.0, 0.0, 24.0, 14.0),
@@ -60,7 +60,7 @@ def scans() -> tuple[Scan, ...]:
 def odometry() -> FloatArray:
     """It turns a degree too far each metre."""
     rng, poses = np.random.default_rng(1), [truth()[0]]
-    for step in relative(truth()[:-1], truth()[1:]):
+    for step in between(truth()[:-1], truth()[1:]):
         wrong = step * [1.03, 1.0, 1.0] + [0.0, 0.0, math.radians(0.5)] + rng.normal(size=3) * [0.01, 0.01, 0.01]
         poses.append(compose(poses[-1], wrong))
     return np.array(poses)
@@ -69,7 +69,7 @@ def odometry() -> FloatArray:
 def drifting(true: FloatArray, sigmas: list[float], rng: np.random.Generator, scale: float = 1.0) -> FloatArray:
     """Return odometry along true poses, shape (n, 3): each step errs by standard deviations of x, y, theta."""
     poses = [true[0]]
-    for step in relative(true[:-1], true[1:]):
+    for step in between(true[:-1], true[1:]):
         poses.append(compose(poses[-1], step * [scale, 1.0, 1.0] + rng.normal(size=3) * sigmas))
     return np.array(poses)
 
@@ -88,7 +88,7 @@ def test_a_loop_is_closed_and_the_poses_are_right() -> None:
     assert np.hypot(*error[:, :2].T).max() < 0.3
     # Where the robot came again, the two visits agree.
     again = np.flatnonzero(np.hypot(*(true[:, :2] - true[-1, :2]).T) < 0.6)
-    seen = relative(found.poses[again[:1]], found.poses[again[-1:]]) - relative(true[again[:1]], true[again[-1:]])
+    seen = between(found.poses[again[:1]], found.poses[again[-1:]]) - between(true[again[:1]], true[again[-1:]])
     assert np.hypot(*seen[0, :2]) < 0.05
 
 
@@ -119,7 +119,7 @@ def test_no_more_nodes_than_places(monkeypatch: pytest.MonkeyPatch) -> None:
     once = slice(0, len(truth()) - 16, 2)
     true, seen = np.vstack([truth()[once]] * 2), [scan._replace(t=float(i)) for i, scan in enumerate(scans()[once] * 2)]
     one_round = len(true) // 2
-    steps = relative(true[:-1], true[1:])
+    steps = between(true[:-1], true[1:])
     guess = [true[0]]
     for step in steps:
         guess.append(compose(guess[-1], step * [1.02, 1.0, 1.0] + [0.0, 0.0, math.radians(0.3)]))
@@ -149,7 +149,7 @@ def test_places_that_look_alike_close_no_loop() -> None:
     true, rng = np.array(poses), np.random.default_rng(3)
     seen = [cast((*walls, front), pose.tolist(), sigma_range=0.015, rng=rng, t=float(i)) for i, pose in enumerate(true)]
     guess = [true[0]]
-    for step in relative(true[:-1], true[1:]):
+    for step in between(true[:-1], true[1:]):
         guess.append(compose(guess[-1], step * [1.03, 1.0, 1.0] + rng.normal(size=3) * [0.01, 0.01, 0.01]))
     found = match_scans(seen, np.array(guess))
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.6
@@ -190,7 +190,7 @@ def test_a_turn_that_odometry_lacks_is_found_by_the_scan_or_said(
     turned = compose(ahead[-1], np.array([0.0, 0.0, math.radians(turn)]))
     true = np.array([*ahead, *(compose(turned, np.array([0.1 * k, 0.0, 0.0])) for k in range(8))])
     odometry = true.copy()
-    odometry[8:] = compose(true[7], relative(true[8], true[8:]))
+    odometry[8:] = compose(true[7], between(true[8], true[8:]))
     rng = np.random.default_rng(0)
     seen = [
         cast(world, pose, beams=360, field=2.0 * math.pi, rng=rng, sigma_range=0.015, t=float(i))
@@ -206,7 +206,7 @@ def test_a_turn_that_odometry_lacks_is_found_by_the_scan_or_said(
 @pytest.mark.slow
 def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
     true = truth()[:40]
-    steps = relative(true[:-1], true[1:])
+    steps = between(true[:-1], true[1:])
     steps[12] = [25.0, -3.0, 2.0]
     steps[25] = [0.5, 0.0, 1.2]
     guess = [true[0]]
@@ -233,7 +233,7 @@ def test_a_robot_that_drives_back_was_not_carried_there(apart: float, settings: 
         cast(hall, p, field=2.0 * math.pi, sigma_range=0.01, rng=rng, t=float(i)) for i, p in enumerate(true.tolist())
     ]
     found = match_scans(seen, drifting(true, [0.02, 0.01, 0.001], rng), settings)
-    steps = relative(found.poses[:-1], found.poses[1:]) - relative(true[:-1], true[1:])
+    steps = between(found.poses[:-1], found.poses[1:]) - between(true[:-1], true[1:])
     assert np.hypot(*steps[:, :2].T).max() < 0.25
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 1.5
 
@@ -252,7 +252,7 @@ def test_a_scan_that_shows_new_things_does_not_say_that_the_robot_stands(apart: 
         cast(BLOCK, p, sigma_range=0.015, sigma_bearing=0.002, rng=rng, t=float(i)) for i, p in enumerate(true.tolist())
     ]
     found = match_scans(seen, drifting(true, [0.05, 0.03, 0.03], rng, scale=1.02))
-    steps = relative(found.poses[:-1], found.poses[1:]) - relative(true[:-1], true[1:])
+    steps = between(found.poses[:-1], found.poses[1:]) - between(true[:-1], true[1:])
     assert np.hypot(*steps[:, :2].T).max() < 1.0  # what the window is worth
 
 

@@ -1,4 +1,4 @@
-# ruff: noqa: E741, N802, N803, N806 # the filter's own symbols
+# ruff: noqa: E741, N802, N806 # the filter's own symbols
 """The SLAM filter against filterpy's dense one and the filter written on the group; what each mode promises."""
 
 from __future__ import annotations
@@ -8,10 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from scipy.optimize import least_squares
 from tests.support.trials import few
 
@@ -114,39 +111,6 @@ def test_equal_to_filterpys_dense_filter_on_the_same_data() -> None:
     assert np.allclose(sigma, np.sqrt(np.diag(whole.P)), rtol=0.1)
 
 
-@pytest.mark.slow
-def test_covariance_stays_positive_with_a_prior_much_wider_than_the_readings() -> None:
-    rng = np.random.default_rng(2)
-    sharp = RangeBearing(1e-4, 1e-4)
-    ekf = SlamFilter((0.0, 0.0, 0.0), np.diag([1e-12, 1e-12, 1e-12]))
-    i = ekf.add_known_feature([5.0, 0.0], 1e4 * np.eye(2))
-    for _ in range(500):
-        ekf.update(sharp.sample(ekf.pose, [5.0, 0.0], rng), sharp, i)
-        assert np.linalg.eigvalsh(ekf.P).min() > 0.0
-    assert np.array_equal(ekf.P, ekf.P.T)
-
-
-@pytest.mark.slow
-def test_predictions_of_readings() -> None:
-    rng = np.random.default_rng(4)
-    ekf = SlamFilter()
-    wander(ekf, 100, rng)
-    prediction = ekf.predict_readings(SENSOR)
-    assert prediction.ids == tuple(ekf.features)
-    joint = ekf.joint_covariance(prediction)
-    for k, i in enumerate(prediction.ids):
-        z = reading(ekf, i, rng)
-        innovation = ekf.innovation(z, SENSOR, i)
-        assert np.allclose(innovation.S, prediction.S[k], atol=1e-12)
-        assert np.allclose(innovation.S - prediction.R[k], joint[k, :, k, :], atol=1e-12)
-        assert np.allclose(innovation.y, SENSOR.residual(z, prediction.z_hat[k]))
-    # Two at once: what is off the diagonal of their S is what they share.
-    pair = [prediction.ids[3], prediction.ids[11]]
-    both = ekf.update_batch([reading(ekf, i, rng) for i in pair], SENSOR, pair)
-    assert np.allclose(both.S[:2, 2:], joint[3, :, 11, :], atol=1e-12)
-    assert np.array_equal(joint.reshape(40, 40).round(12), joint.reshape(40, 40).T.round(12))
-
-
 def test_a_stated_covariance_counts_instead_of_the_sensor_s() -> None:
     stated = np.array([[0.04, 0.001], [0.001, 0.002]])
     for P in (np.zeros((3, 3)), np.diag([0.1, 0.1, 0.01])):
@@ -163,32 +127,6 @@ def test_a_stated_covariance_counts_instead_of_the_sensor_s() -> None:
         ekf.predict(PoseIncrement(1.0, 1.0, 1.0), [1.0, 0.0, 0.0], np.diag([0.01, 0.02, 0.03]))
         F = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
         assert np.allclose(ekf.pose_covariance, F @ P @ F.T + np.diag([0.01, 0.02, 0.03]))
-
-
-@pytest.mark.slow
-def test_mapping_from_certain_poses_keeps_features_apart() -> None:
-    rng = np.random.default_rng(6)
-    truth = rng.uniform(-5.0, 5.0, (8, 2))
-    ekf = SlamFilter(mode="mapping")
-    alone = [SlamFilter(mode="mapping") for _ in truth]
-    ids = [ekf.add_feature(SENSOR.h(np.zeros(3), l), SENSOR) for l in truth]
-    for one, l in zip(alone, truth, strict=True):
-        one.add_feature(SENSOR.h(np.zeros(3), l), SENSOR)
-    for _ in range(200):
-        pose, k = rng.uniform(-8.0, 8.0, 3), int(rng.integers(8))
-        z = SENSOR.sample(pose, truth[k], rng)
-        for f, i in ((ekf, ids[k]), (alone[k], 0)):
-            f.set_pose(pose)
-            f.update(z, SENSOR, i)
-            assert np.allclose(f.pose - pose, [0.0, 0.0, wrapped(pose[2]) - pose[2]])
-            assert not f.pose_covariance.any()
-    for k, i in enumerate(ids):
-        assert np.allclose(ekf.feature(i), alone[k].feature(0), atol=1e-12)
-        assert np.allclose(ekf.feature_covariance(i), alone[k].feature_covariance(0), atol=1e-12)
-        e = ekf.feature(i) - truth[k]
-        assert e @ np.linalg.solve(ekf.feature_covariance(i), e) < 20.0
-    off = ekf.P[3:, 3:] * (1.0 - np.kron(np.eye(8), np.ones((2, 2))))
-    assert not off.any()
 
 
 @pytest.mark.slow
@@ -267,107 +205,6 @@ def test_a_refused_reading_changes_nothing() -> None:
     assert np.array_equal(ekf.x, x)
     assert np.array_equal(ekf.P, P)
     assert "features=1" in repr(ekf)
-
-
-class OnTheGroup:
-    """The right-invariant EKF on SE₁₊ₙ(2), matrices in full: X = [Rot, p, l₁, …; 0, I] = exp(ξ) X̂, ξ = (θ, p, l…)."""
-
-    def __init__(self, pose: FloatArray, P: FloatArray) -> None:
-        self.theta, self.points = float(pose[2]), [pose[:2].copy()]
-        # From x, y, theta as they are to theta first, and to what turns with the map.
-        T = np.zeros((3, 3))
-        T[0, 2] = 1.0
-        T[1:, :2], T[1:, 2] = np.eye(2), -J @ pose[:2]
-        self.P = T @ P @ T.T
-
-    def predict(self, v: float, omega: float, dt: float) -> None:
-        c, s = np.cos(self.theta), np.sin(self.theta)
-        end = self.theta + omega * dt
-        ce, se = np.cos(end), np.sin(end)
-        step = v / omega * np.array([se - s, c - ce])
-        W = np.zeros((len(self.P), 2))
-        after = self.points[0] + step
-        slope = np.array([-step[0] / omega + v / omega * dt * ce, -step[1] / omega + v / omega * dt * se])
-        W[0, 1] = dt
-        W[1:3, 0] = step / v
-        W[1:3, 1] = slope - J @ after * dt
-        for i, l in enumerate(self.points[1:]):
-            W[3 + 2 * i : 5 + 2 * i, 1] = -J @ l * dt
-        self.points[0], self.theta = after, end
-        # F is the identity: whatever the estimates.
-        self.P = self.P + W @ Q @ W.T
-
-    def add(self, z: FloatArray) -> None:
-        a = self.theta + z[1]
-        ahead = z[0] * np.array([np.cos(a), np.sin(a)])
-        G = np.column_stack([[np.cos(a), np.sin(a)], J @ ahead])
-        n = len(self.P)
-        # The point turns and shifts with the robot: by the group's error it errs as the robot does, and by its reading.
-        copy = np.zeros((n + 2, n))
-        copy[:n], copy[n:, 1:3] = np.eye(n), np.eye(2)
-        self.P = copy @ self.P @ copy.T
-        self.P[n:, n:] += G @ R @ G.T
-        self.points.append(self.points[0] + ahead)
-
-    def update(self, z: FloatArray, i: int) -> None:
-        d = self.points[1 + i] - self.points[0]
-        r = float(np.hypot(*d))
-        H = np.zeros((2, len(self.P)))
-        H[:, 3 + 2 * i : 5 + 2 * i] = np.array([d / r, J @ d / r**2])
-        H[:, 1:3] = -H[:, 3 + 2 * i : 5 + 2 * i]
-        y = z - [r, np.arctan2(d[1], d[0]) - self.theta]
-        y[1] = np.angle(np.exp(1j * y[1]))
-        S = H @ self.P @ H.T + R
-        K = self.P @ H.T @ np.linalg.inv(S)
-        xi = K @ y
-        k = len(self.points)
-        algebra = np.zeros((2 + k, 2 + k))
-        algebra[:2, :2], algebra[:2, 2:] = xi[0] * J, xi[1:].reshape(-1, 2).T
-        turn = expm(algebra)
-        self.points = [turn[:2, :2] @ p + turn[:2, 2 + n] for n, p in enumerate(self.points)]
-        self.theta += float(xi[0])
-        self.P = (np.eye(len(self.P)) - K @ H) @ self.P
-
-    def usual(self) -> tuple[FloatArray, FloatArray]:
-        """Return x and P in the order and with the error of the filter under test."""
-        n = len(self.P)
-        T = np.zeros((n, n))
-        T[2, 0], T[:2, 1:3] = 1.0, np.eye(2)
-        T[3:, 3:] = np.eye(n - 3)
-        rows = [slice(0, 2), *(slice(3 + 2 * i, 5 + 2 * i) for i in range(len(self.points) - 1))]
-        for at, p in zip(rows, self.points, strict=True):
-            T[at, 0] = J @ p
-        heading = np.angle(np.exp(1j * self.theta))
-        return np.concatenate([self.points[0], [heading], *self.points[1:]]), T @ self.P @ T.T
-
-
-@pytest.mark.slow
-@settings(max_examples=few(15))
-@given(seed=st.integers(0, 99999), steps=st.integers(1, 40))
-def test_equal_to_the_filter_on_the_group(seed: int, steps: int) -> None:
-    rng = np.random.default_rng(seed)
-    start, P = rng.uniform(-2.0, 2.0, 3), np.diag(rng.uniform(0.001, 0.1, 3))
-    ekf, group = SlamFilter(start, P), OnTheGroup(start, P)
-    for _ in range(steps):
-        ids = list(ekf.features)
-        what = rng.choice(["predict", "update", "add"], p=[0.35, 0.4, 0.25])
-        if what == "predict":
-            u = np.array([rng.uniform(0.1, 1), rng.choice([-1, 1]) * rng.uniform(0.1, 1), rng.uniform(0.1, 1)])
-            ekf.predict(MOTION, u)
-            group.predict(*u)
-        elif what == "add" or not ids:
-            z = np.array([rng.uniform(1.0, 10.0), rng.uniform(-np.pi, np.pi)])
-            ekf.add_feature(z, SENSOR)
-            group.add(z)
-        else:
-            i = int(rng.integers(len(ids)))
-            z = np.asarray(SENSOR.sample(ekf.pose, ekf.feature(ids[i]), rng))
-            ekf.update(z, SENSOR, ids[i])
-            group.update(z, i)
-        x, covariance = group.usual()
-        assert np.allclose(ekf.x, x, atol=1e-8)
-        assert np.allclose(ekf.P, covariance, atol=1e-8)
-        assert np.array_equal(ekf.P, ekf.P.T)
 
 
 def everything_turned(ekf: SlamFilter) -> FloatArray:

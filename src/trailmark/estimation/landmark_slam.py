@@ -28,9 +28,8 @@ from trailmark.estimation.noise_fit import Batch, figures, inflation, misfit
 from trailmark.estimation.noise_fit import scale as scale_of
 from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Detection, Increment, Log, Pose, Record, Scan, first_pose
-from trailmark.estimation.scan_matching import relative
 from trailmark.estimation.unnamed_features import Labels, associated
-from trailmark.se2 import FloatArray, compose, wrap
+from trailmark.se2 import FloatArray, between, compose, wrap
 
 OnProgress = Callable[[str, int, int], None]
 
@@ -200,7 +199,7 @@ def _begun_at(estimate: Estimate, pose: FloatArray) -> Estimate:
     """Return an estimate, moved as a whole so that its first pose is this one."""
     solution = estimate.solution
     first, points = solution.poses[0], np.column_stack([solution.features, np.zeros(len(solution.features))])
-    poses, places = (compose(pose, relative(first, each)) for each in (solution.poses, points))
+    poses, places = (compose(pose, between(first, each)) for each in (solution.poses, points))
     moved_there = solution._replace(poses=poses, features=places[:, :2])
     return estimate._replace(solution=moved_there, system=estimate.smoother.linearised(moved_there))
 
@@ -280,7 +279,7 @@ def _result(
         for P in (joint + lead, relative_covariance(means, joint))
     )
     blocks += _bent(means - origin, lead[own[:, :, None], own[:, None, :]])
-    between, covariances = _poses_between(batch, estimate, poses, times)
+    smooth_poses, covariances = _poses_between(batch, estimate, poses, times)
     used = estimate.feature[estimate.feature >= 0]
     readings = np.bincount(used, minlength=len(means)).tolist()
     features = tuple(
@@ -289,7 +288,7 @@ def _result(
     )
     outliers = int(np.count_nonzero((feature >= 0) & (estimate.feature < 0)))
     smooth = result._replace(
-        trajectory=np.column_stack([times, between]),
+        trajectory=np.column_stack([times, smooth_poses]),
         covariances=covariances,
         features=features,
         counts=replace(result.counts, outliers=outliers, used=len(used)),
@@ -324,18 +323,18 @@ def _poses_between(
     reckoned = np.column_stack([np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]), heading])
     anchors = np.searchsorted(every, instants)
     last = np.clip(np.searchsorted(instants, every, side="right") - 1, 0, None)
-    between = compose(poses[last], relative(reckoned[anchors[last]], reckoned))
+    there = compose(poses[last], between(reckoned[anchors[last]], reckoned))
     following = np.minimum(last + 1, len(anchors) - 1)
-    ends = compose(poses[last], relative(reckoned[anchors[last]], reckoned[anchors[following]]))
+    ends = compose(poses[last], between(reckoned[anchors[last]], reckoned[anchors[following]]))
     missed = poses[following] - ends
     missed[:, 2] = wrap(missed[:, 2])
     span = instants[following] - instants[last]
     part = np.where(span > 0.0, (every - instants[last]) / np.where(span > 0.0, span, 1.0), 0.0)
-    between += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
-    between[:, 2] = wrap(between[:, 2])
+    there += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
+    there[:, 2] = wrap(there[:, 2])
     # As errors of a motion of the whole plane about one place, those of successive motions add up.
-    steps, number = turned(batch.motion_covariance(motions), between[:-1, 2]), np.arange(len(every))
-    steps = moved(steps, poses[0, :2] - between[1:, :2])
+    steps, number = turned(batch.motion_covariance(motions), there[:-1, 2]), np.arange(len(every))
+    steps = moved(steps, poses[0, :2] - there[1:, :2])
     leading = (number[1:] <= anchors[0])[:, None, None]
     lead, grown = np.zeros((2, len(every), 3, 3))
     lead[1:], grown[1:] = np.cumsum(steps * leading, axis=0), np.cumsum(steps * ~leading, axis=0)
@@ -350,10 +349,10 @@ def _poses_between(
     share = before @ np.linalg.inv(whole + least[pair])
     both = np.concatenate([np.eye(3) - share, share], axis=2)
     P = both @ estimated[pair] @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance
-    P = moved(P, between[:, :2] - place) + moved(lead, between[:, :2] - poses[0, :2])  # noqa: N806
+    P = moved(P, there[:, :2] - place) + moved(lead, there[:, :2] - poses[0, :2])  # noqa: N806
     covariances = 0.5 * (P + np.swapaxes(P, 1, 2))
     wanted = np.searchsorted(every, times)
-    return between[wanted], covariances[wanted]
+    return there[wanted], covariances[wanted]
 
 
 def _poses_at(trajectory: FloatArray, instants: FloatArray, start: FloatArray) -> FloatArray:

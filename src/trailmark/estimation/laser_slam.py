@@ -44,11 +44,10 @@ from trailmark.estimation.scan_matching import (
     match_covariance,
     refine,
     refine_by_faces,
-    relative,
     search,
     surface_cloud,
 )
-from trailmark.se2 import FloatArray, compose, difference
+from trailmark.se2 import FloatArray, between, compose, difference
 
 # The largest window around what odometry says that is searched: beyond, it is no guess.
 MAX_WINDOW = Window(2.0, np.radians(60.0))
@@ -192,7 +191,7 @@ class ScanSlam:
         if area is None:
             self._add_key(odometry, cloud, odometry)
             return
-        last, own, step = self._last, len(keys), relative(self._odometry, odometry)
+        last, own, step = self._last, len(keys), between(self._odometry, odometry)
         noise = s.odometry_noise(step)
         little = np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < KEY_ANGLE
         if little and not missing and self._hold_beside(area, cloud, step):
@@ -225,7 +224,7 @@ class ScanSlam:
         """Hold a scan by the last node, as too little has changed for one of its own, unless odometry hides more."""
         s, here, noise = self._s, self._keys.poses[self._last], self._s.odometry_noise(step)
         match = refine(area, cloud, compose(here, step), information=self._weight * _inverse(noise))
-        pose = relative(here, match.pose)
+        pose = between(here, match.pose)
         fits = match.score >= 0.5 * LOOP_SCORE and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
         if len(cloud.points) >= MIN_POINTS and not fits:
             return False
@@ -263,7 +262,7 @@ class ScanSlam:
             return _Found(start, step, noise, sure=not carried)
         turned = abs(difference(guess, other.pose)[2]) > window.theta
         # That it has hardly moved is not believed: from there all looks as it did, along a corridor most of all.
-        farther = unfit and np.hypot(*relative(here, other.pose)[:2]) > driven
+        farther = unfit and np.hypot(*between(here, other.pose)[:2]) > driven
         if not (carried or farther or turned):
             return _Found(start, step, noise)
         near = abs(difference(here, other.pose)[2]) < MAX_WINDOW.theta
@@ -271,7 +270,7 @@ class ScanSlam:
         if not (alone or unfit):
             return _Found(start, step, noise)  # of several places the one that odometry says
         self._relocated.append(len(self._scans))
-        return _Found(other.pose, relative(here, other.pose), np.eye(3), sure=alone or not carried)
+        return _Found(other.pose, between(here, other.pose), np.eye(3), sure=alone or not carried)
 
     def _search_all_round(self, area: LocalMap, points: FloatArray, here: FloatArray) -> _Found:
         """Return a scan's pose where the odometry is missing: the scan alone decides, or nothing does."""
@@ -282,7 +281,7 @@ class ScanSlam:
         sure = not is_open and self._is_alone(area, points, best, ALL_ROUND)
         if sure:
             self._relocated.append(len(self._scans))
-        return _Found(best.pose, relative(here, best.pose), np.eye(3), sure=sure, fits=sure)
+        return _Found(best.pose, between(here, best.pose), np.eye(3), sure=sure, fits=sure)
 
     def _is_alone(self, area: LocalMap, points: FloatArray, match: Match, window: Window) -> bool:
         """Return whether a match is good and no other place around the last node is nearly as good."""
@@ -306,7 +305,7 @@ class ScanSlam:
         cloud = surface_cloud(scan, self._s.max_range)
         if self._area is None:
             return odometry
-        guess = compose(self._keys.poses[self._last], relative(self._odometry, odometry))
+        guess = compose(self._keys.poses[self._last], between(self._odometry, odometry))
         found = search(self._area, cloud.points, guess, Window(*WINDOW), coarseness=2)
         return guess if found is None else refine(self._area, cloud, found.pose).pose
 
@@ -362,7 +361,7 @@ class ScanSlam:
     ) -> None:
         """Add a node that only odometry, or nothing at all, relates to the last one."""
         keys = self._keys
-        step = relative(keys.poses[self._last], pose)
+        step = between(keys.poses[self._last], pose)
         keys.relations.append(Relation(self._last, len(keys), step, noise))
         self._covariance = noise
         self._add_key(pose, cloud, odometry, follows=follows)
@@ -385,7 +384,7 @@ class ScanSlam:
     def _return_to_node(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> bool:
         """Hold a scan by a node that stands where it does, and return whether there is one whose map it fits."""
         keys, s = self._keys, self._s
-        apart = relative(keys.poses, pose)
+        apart = between(keys.poses, pose)
         near = (np.hypot(*apart[:, :2].T) < s.key_distance) & (np.abs(apart[:, 2]) < KEY_ANGLE)
         near[self._last] = False
         if not near.any():
@@ -394,13 +393,13 @@ class ScanSlam:
         chain = keys.chain(node, 2.0 * s.local_length, LOCAL_SCANS)
         area = keys.area(chain, keys.poses[node], s.max_range + 2.0, WINDOW[0])
         match = refine(area, cloud, pose)
-        if match.score < LOOP_SCORE or np.hypot(*relative(pose, match.pose)[:2]) > 0.5 * s.key_distance:
+        if match.score < LOOP_SCORE or np.hypot(*between(pose, match.pose)[:2]) > 0.5 * s.key_distance:
             return False
         self._area, self._chain, self._last = area, chain, node
         self._covariance = self._covariance_of(area, cloud, match.pose)
-        self._hold(node, relative(keys.poses[node], match.pose))
+        self._hold(node, between(keys.poses[node], match.pose))
         # Odometry is known at the scan, which stands beside the node.
-        self._odometry = compose(odometry, relative(match.pose, keys.poses[node]))
+        self._odometry = compose(odometry, between(match.pose, keys.poses[node]))
         return True
 
     def _hold(self, key: int, pose: FloatArray) -> None:
@@ -417,7 +416,7 @@ class ScanSlam:
 
 def _surprise(relation: Relation, poses: FloatArray) -> float:
     """Return how far poses are from a relation: squared, by its covariance, a number."""
-    error = relative(relation.pose, relative(poses[relation.a], poses[relation.b]))
+    error = between(relation.pose, between(poses[relation.a], poses[relation.b]))
     return float(error @ np.linalg.solve(relation.covariance, error)) / 3.0
 
 

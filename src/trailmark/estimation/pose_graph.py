@@ -27,12 +27,11 @@ from trailmark.estimation.scan_matching import (
     local_map,
     match_covariance,
     refine,
-    relative,
     search,
     surface_cloud,
     transformed,
 )
-from trailmark.se2 import FloatArray
+from trailmark.se2 import FloatArray, between
 
 # Radians of rotation from one node of the graph to the next: what is seen has hardly changed in between.
 KEY_ANGLE = math.radians(15.0)
@@ -311,7 +310,7 @@ class KeyScans:
 
     def query(self, chosen: IntArray, frame: int) -> PointCloud:
         """Return what some scans show, in the frame of one of them, thinned."""
-        cloud = joined([self.clouds[i] for i in chosen], relative(self.poses[frame], self.poses[chosen]))
+        cloud = joined([self.clouds[i] for i in chosen], between(self.poses[frame], self.poses[chosen]))
         place = np.floor(cloud.points / THIN).astype(np.int64)
         _, one = np.unique(place[:, 0] * 2**31 + place[:, 1], return_index=True)
         one = one[:: -(-len(one) // MAX_POINTS)]
@@ -329,7 +328,7 @@ class KeyScans:
         """
         if not certain:
             covariance = covariance + np.diag([REVISITED[0] ** 2, REVISITED[0] ** 2, REVISITED[1] ** 2])
-        return Relation(a, b, relative(self.poses[a], pose), in_frame(covariance, pose[2]), certain)
+        return Relation(a, b, between(self.poses[a], pose), in_frame(covariance, pose[2]), certain)
 
 
 def in_frame(covariance: FloatArray, heading: float) -> FloatArray:
@@ -427,7 +426,7 @@ class LoopFinder:
         if search(area, query.points, guess, window, coarseness=2, min_score=limit, apart_from=found.pose):
             return None
         found, near = refine(area, query, found.pose), refine(area, query, guess)
-        apart = np.abs(relative(near.pose, found.pose))
+        apart = np.abs(between(near.pose, found.pose))
         if np.hypot(*apart[:2]) > ELSEWHERE.xy or apart[2] > ELSEWHERE.theta:
             # Where the graph has the scan, much of it may lie beyond what the map's scans saw.
             known = near.score + UNSEEN * (1.0 - self._seen_share(query, near.pose, chain))
@@ -445,7 +444,7 @@ class LoopFinder:
     def _seen_share(self, query: PointCloud, pose: FloatArray, chain: NDArray[np.intp]) -> float:
         """Return the share of a cloud's points, at a pose, that lie where the scans of a chain saw."""
         keys = self._keys
-        seen = [in_view(keys.clouds[i], transformed(query, relative(keys.poses[i], pose)).points) for i in chain]
+        seen = [in_view(keys.clouds[i], transformed(query, between(keys.poses[i], pose)).points) for i in chain]
         return float(np.any(seen, axis=0).mean())
 
 
@@ -507,7 +506,7 @@ def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]
         for k in visitors[stretch]:
             cloud = keys.clouds[k]
             match = refine(area, cloud, keys.poses[k])
-            shift = relative(keys.poses[k], match.pose)
+            shift = between(keys.poses[k], match.pose)
             if match.score < LOOP_SCORE or np.hypot(*shift[:2]) > MAX_SHIFT[0] or abs(shift[2]) > MAX_SHIFT[1]:
                 continue
             covariance, _ = match_covariance(area, cloud.points, match.pose, scatter=s.scatter)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from trailmark.compiled import njit
 from trailmark.estimation.records import Scan
-from trailmark.se2 import FloatArray, compose, wrap
+from trailmark.se2 import FloatArray, wrap
 
 NORMAL_BEAMS = 5  # Beams to either side that a surface's direction is found from.
 NORMAL_REACH = 0.25  # Metres from a point within which these neighbours count, where the beams are that dense.
@@ -68,13 +68,6 @@ def joined(clouds: list[PointCloud], poses: FloatArray) -> PointCloud:
     """Return several clouds, each in the frame at its row of ``poses`` (n, 3), as one in the poses' frame."""
     parts = [transformed(cloud, pose) for cloud, pose in zip(clouds, poses, strict=True)]
     return PointCloud(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-
-
-def relative(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the pose b in the frame of a, shape (..., 3)."""
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
-    inverse = np.stack([-c * a[..., 0] - s * a[..., 1], s * a[..., 0] - c * a[..., 1], -a[..., 2]], axis=-1)
-    return compose(inverse, b)
 
 
 @njit(cache=True)

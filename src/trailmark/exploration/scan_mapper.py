@@ -16,12 +16,12 @@ from trailmark.estimation.mapping import map_log
 from trailmark.estimation.odometry import DeadReckoning
 from trailmark.estimation.pose_graph import MIN_POINTS, GraphSettings
 from trailmark.estimation.records import Increment, Log, Odometry, Pose, Record, Scan
-from trailmark.estimation.scan_matching import Window, joined, local_map, refine, relative, search, surface_cloud
+from trailmark.estimation.scan_matching import Window, joined, local_map, refine, search, surface_cloud
 from trailmark.estimation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import CARRIED, Draw, Intake, RecordChecks
-from trailmark.se2 import FloatArray, compose, difference
+from trailmark.se2 import FloatArray, between, compose, difference
 from trailmark.world import Robot, World
 
 __all__ = ["DENSE", "ScanMapper", "apart", "draw", "graph_settings"]
@@ -185,7 +185,7 @@ class ScanMapper:
     @property
     def pose(self) -> FloatArray:
         """Where the robot is, shape (3,)."""
-        return compose(self._pose, relative(self._at, self._reckoning.pose))
+        return compose(self._pose, between(self._at, self._reckoning.pose))
 
     @property
     def covariance(self) -> FloatArray:
@@ -270,7 +270,7 @@ class ScanMapper:
         if pose is None:
             return False
         # What no odometry has told: the log has it as a motion, so that it leads to the same map.
-        motion = relative(self.pose, pose)
+        motion = between(self.pose, pose)
         carried = Increment(scan.t, float(motion[0]), float(motion[1]), float(motion[2]), CARRIED)
         self._reckoning.add(carried)
         self.records += [carried, scan]

@@ -11,27 +11,22 @@ Lines that are read (all poses are x, y, theta: metres and radians; each line en
 Other messages that CARMEN knows, or that the log's own line ``# message formats defined:`` names, are left out.
 
 **Beams.** FLASER does not state its angles. CARMEN takes an even n for a scanner of n + 1 beams over half a turn whose
-last beam was cut off: the first beam looks to −π/2, and the step is π/n (n even) or π/(n − 1) (n odd). The Intel and
-ACES logs (n = 180) agree: with these angles the scans fall together best (their end points within 8 m fill 24,883 and
-25,358 cells of 5 cm; with a step of π/(n − 1), or first beams half a degree off, at least 25,778 and 25,858). Scanners
-of 400 and 401 beams see 100 degrees.
+last beam was cut off: the first beam looks to −π/2, and the step is π/n (n even) or π/(n − 1) (n odd). The scans of the
+Intel and ACES logs fall together best with these angles. Scanners of 400 and 401 beams see 100 degrees.
 
-**Nothing met.** FLASER states no largest range, so ``range_max`` is the largest reading in the log (SICK scanners give
-81.83 m or 50 m where nothing came back), or 81.83 m (8.183 m) where the log holds SICK's codes of faults above that, up
-to 81.91 m (8.191 m). Should that reading have been an echo after all, only it is lost.
-A handful of readings, at most one in GLITCH_SHARE, more than twice as far as all others are glitches: they are taken as
-lost (NaN), with a note, and do not count as the largest.
+**Nothing met.** FLASER states no largest range, so ``range_max`` is the largest reading in the log, or 81.83 m (8.183
+m) where it holds SICK's codes of faults above that, up to 81.91 m (8.191 m). A few readings, at most one in
+GLITCH_SHARE, more than twice as far as all others are glitches: lost (NaN), with a note.
 
 **Corrected poses.** A log is corrected if GMapping wrote it (it has lines ``NEFF``), or if laser and odometry do not
 keep their distance; other corrected logs cannot be told from raw ones without the argument ``corrected``. Then the
-scans have poses. GMapping repeats each scan's pose in an ``ODOM`` right after it, whose time is not to be trusted (0,
-or what was in memory: in the Intel log from 1e-153 to 13 s), and goes on with the odometry from there. That jump is no
-motion: the increments leave it out, so that they are the raw odometry's. In raw logs scans have no pose, and the
-laser's place in the robot's frame is their ``mount``.
+scans have poses. GMapping repeats each scan's pose in an ``ODOM`` right after it, whose time is not to be trusted, and
+goes on with the odometry from there. That jump is no motion: the increments leave it out. In raw logs scans have no
+pose, and the laser's place in the robot's frame is their ``mount``.
 
 **Times** are those of the hosts' messages, or the logger's where those of the messages are rounded so that most are
-equal and the logger's are not. They arrive a little out of order; the lines' order is the order of the motion. A time
-up to JITTER behind the latest one is raised to it, with a note; one farther behind is bad.
+equal. The lines' order is the order of the motion: a time up to JITTER behind the latest one is raised to it, with a
+note; one farther behind is bad.
 """
 
 from __future__ import annotations
@@ -46,7 +41,7 @@ import numpy as np
 
 from trailmark.estimation.readers.source import BadRecords, name_of, numbers, read_lines
 from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
-from trailmark.se2 import FloatArray, compose
+from trailmark.se2 import FloatArray, between, difference
 
 __all__ = ["JITTER", "KEYWORDS", "read_carmen"]
 
@@ -257,12 +252,7 @@ def _mount(pairs: list[tuple[_Triple, _Triple]]) -> _Triple | None:
     if not pairs:
         return 0.0, 0.0, 0.0
     laser, robot = (np.array(poses) for poses in zip(*pairs, strict=True))
-    cos, sin = np.cos(robot[:, 2]), np.sin(robot[:, 2])
-    inverse = np.column_stack(
-        [-cos * robot[:, 0] - sin * robot[:, 1], sin * robot[:, 0] - cos * robot[:, 1], -robot[:, 2]]
-    )
-    mounts = compose(inverse, laser)
+    mounts = between(robot, laser)
     middle = np.median(mounts, axis=0)
-    off = np.abs(mounts - middle)
-    off[:, 2] = np.minimum(off[:, 2], 2.0 * np.pi - off[:, 2])
+    off = np.abs(difference(np.broadcast_to(middle, mounts.shape), mounts))
     return _triple([float(v) for v in middle.round(6) + 0.0]) if off.max() < _MOUNTED else None

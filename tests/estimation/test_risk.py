@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,13 +12,15 @@ import shapely.affinity
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
+from tests.helpers.grown import grown_world
 from tests.helpers.random_worlds import star_polygon
 from tests.support.trials import few, trials
 
 from trailmark.errors import WorldError
-from trailmark.estimation.risk import DISC_ERROR, SIDES, grow
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.risk import DISC_ERROR, SIDES, grow, refined, regrow
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.world import ObstacleEstimate
+from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
 L_SHAPE = Polygon(np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3.0]]))
 FRAME = Polygon(np.array([[0, 0], [4, 0], [4, 3], [0, 3.0]]), (np.array([[1, 1], [3, 1], [3, 2], [1, 2.0]]),))
@@ -171,21 +174,6 @@ def test_the_robots_own_error_counts(seed: int) -> None:
     assert hits / draws <= 1.0 - confidence
 
 
-@pytest.mark.slow
-@given(seed=seeds, confidence=st.floats(0.5, 0.9999))
-@settings(max_examples=few(20))
-def test_a_robots_displacement_is_one_of_the_obstacle(seed: int, confidence: float) -> None:
-    """Relative to the robot there is one displacement, whose covariance is the sum; it is no wider than that."""
-    rng = np.random.default_rng(seed)
-    own, pose = random_covariance(rng, 3), random_covariance(rng, 3)
-    both = own.copy()
-    both[:2, :2] += pose[:2, :2]
-    for shape in (SHAPES["disc"], SHAPES["wall"], SHAPES["L"]):
-        apart = region(grow(ObstacleEstimate(shape, own), confidence, pose_covariance=pose))
-        summed = region(grow(ObstacleEstimate(shape, both), confidence))
-        assert shapely.hausdorff_distance(apart, summed) < 1e-6
-
-
 @pytest.mark.parametrize(
     ("covariance", "problem"),
     [
@@ -232,3 +220,161 @@ def test_what_an_overlay_loses_is_made_up_for(monkeypatch: pytest.MonkeyPatch) -
         monkeypatch.setattr(shapely, "union_all", lambda parts, lose=lose: union_all(lose(parts)))
         grown = grow(estimate, 0.999).polygon().shapely()
         assert shapely.covers(shapely.buffer(grown, 1e-9), whole)
+
+
+BOUNDS = (0.0, 0.0, 20.0, 10.0)
+ESTIMATES = [
+    ObstacleEstimate(Disc((3.0, 4.0), 0.5), np.array([[0.02, 0.01], [0.01, 0.03]])),
+    ObstacleEstimate(Disc((9.0, 2.0), 0.3), np.diag([0.01, 0.01, 0.0025])),
+    ObstacleEstimate(Rectangle((7.0, 6.0), 3.0, 0.1, 0.4), np.diag([0.01, 0.02, 0.001, 0.04])),
+    ObstacleEstimate(Polygon(np.array([[12, 1], [15, 1], [13, 4.0]])), np.diag([0.01, 0.01, 0.0004])),
+]
+POSE = np.diag([0.01, 0.01, 0.0009])
+
+
+def office(confidence: float = 0.99) -> World:
+    return grown_world(
+        ESTIMATES,
+        BOUNDS,
+        confidence,
+        robot=Robot.rectangle(0.6, 0.4),
+        queries=(Query("door", (1, 1, 0), (18, 9, 0)),),
+        fixed=[Disc((18.0, 2.0), 0.4)],
+        weights=[1.0, 2.0, 3.0, 4.0],
+        pose_covariance=POSE,
+    )
+
+
+# --- Shares
+
+
+def shares(n: int, weights: list[float] | None) -> list[float]:
+    """Return what share of the risk each of n obstacles gets."""
+    world = grown_world(ESTIMATES[:1] * n, BOUNDS, 0.9, weights=weights)
+    return [estimate.share or 0.0 for estimate in world.estimates if estimate is not None]
+
+
+@pytest.mark.slow
+@settings(max_examples=few(30))
+@given(st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=20))
+def test_risks_add_up_to_what_there_is(weights: list[float]) -> None:
+    for given_weights in (None, weights):
+        found = shares(len(weights), given_weights)
+        assert min(found) > 0.0
+        assert math.fsum(found) == pytest.approx(1.0, rel=1e-12)
+
+
+# --- Worlds
+
+
+def test_each_obstacle_is_grown_by_its_part_of_the_risk() -> None:
+    world = office(0.96)
+    assert world.risk == RiskBound(0.96, POSE, Robot.rectangle(0.6, 0.4).sweep_radius)
+    assert [e.share if e else None for e in world.estimates] == pytest.approx([0.1, 0.2, 0.3, 0.4, None])
+    for shape, estimate, risk in zip(world.obstacles, ESTIMATES, (0.004, 0.008, 0.012, 0.016), strict=False):
+        alone = grow(estimate, 1.0 - risk, pose_covariance=POSE, reach=math.hypot(0.3, 0.2))
+        assert shape.area == pytest.approx(alone.area, rel=1e-9)
+    assert world.obstacles[4] == Disc((18.0, 2.0), 0.4)
+
+
+@pytest.mark.slow
+@given(st.floats(0.01, 0.99999), st.integers(0, 2**32 - 1))
+@settings(max_examples=few(10))
+def test_growing_again_needs_the_file_only(tmp_path_factory: pytest.TempPathFactory, p: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    estimates = []
+    for _ in range(3):
+        a = rng.normal(size=(3, 3)) * 0.1
+        estimates.append(ObstacleEstimate(Rectangle(tuple(rng.uniform(2, 8, 2)), 2.0, 0.1, float(a[0, 0])), a @ a.T))
+    file = tmp_path_factory.mktemp("risk") / "w.yaml"
+    world = grown_world(estimates, BOUNDS, 0.9)
+    world.save(file)
+    again = regrow(World.load(file), p)
+    assert again == regrow(world, p) == grown_world(estimates, BOUNDS, p)
+    assert regrow(again, 0.9) == world
+
+
+def test_worlds_as_they_were_measured_can_be_grown() -> None:
+    means = tuple(estimate.mean for estimate in ESTIMATES)
+    measured = World("measured", BOUNDS, means, estimates=tuple(ESTIMATES))
+    grown = regrow(measured, 0.99)
+    assert [e.share for e in grown.estimates if e] == [0.25] * 4
+    assert all(new.area > old.area for new, old in zip(grown.obstacles, means, strict=True))
+    certain = World("certain", BOUNDS, means)
+    assert regrow(certain, 0.99).obstacles == means
+
+
+@pytest.mark.parametrize(
+    ("make", "problem"),
+    [
+        (lambda: World("w", BOUNDS, (), estimates=(ESTIMATES[0],)), "expected one for each of 0 obstacles, or"),
+        (
+            lambda: World(
+                "w", BOUNDS, 2 * (Disc((1, 1), 1),), estimates=2 * (ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.6),)
+            ),
+            r"expected shares that add up to at most 1, got 1\.2",
+        ),
+        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.0), "expected a number above 0 and at most 1,"),
+        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), math.nan), "expected a number above 0 and at most"),
+        (lambda: RiskBound(1.0), "expected a number above 0 and below 1, got 1"),
+        (lambda: RiskBound(0.5, np.eye(2)), r"shape \(3, 3\), got \(2, 2\)"),
+        (lambda: RiskBound(0.5, None, -1.0), r"expected metres, 0 or more, got -1\.0"),
+    ],
+)
+def test_contradictions_are_one_line(make: object, problem: str) -> None:
+    with pytest.raises(WorldError, match=problem) as caught:
+        make()  # type: ignore[operator]  # the parameters above
+    assert "\n" not in str(caught.value)
+
+
+HEAD = "trailmark: 1\nbounds: [0, 0, 9, 9]\n"
+DISC = "{shape: disc, center: [1, 2], radius: 1"
+
+
+# --- Is the bound kept?
+
+
+@pytest.mark.slow
+def test_all_obstacles_together_are_covered_as_often_as_stated() -> None:
+    rng = np.random.default_rng(3)
+    centres = rng.uniform(0, 50, (30, 2))
+    covariances = np.array([a @ a.T for a in rng.normal(size=(30, 2, 2)) * 0.2])
+    estimates = [ObstacleEstimate(Disc(tuple(c), 0.5), s) for c, s in zip(centres, covariances, strict=True)]
+    draws = 500
+    true = [
+        shapely.buffer(shapely.points(rng.multivariate_normal(centre, covariance, draws)), 0.5, quad_segs=16)
+        for centre, covariance in zip(centres, covariances, strict=True)
+    ]
+    for confidence in (0.5, 0.9, 0.99):
+        world = grown_world(estimates, (0, 0, 50, 50), confidence)
+        escaped = np.zeros(draws, dtype=bool)
+        for shape, discs in zip(world.obstacles, true, strict=True):
+            region = shape.polygon(1e-6).shapely()
+            shapely.prepare(region)
+            escaped |= ~shapely.covers(region, discs)
+        assert escaped.mean() <= 1.0 - confidence + 3.0 * math.sqrt(confidence * (1.0 - confidence) / draws)
+
+
+# --- Refined
+
+
+def test_an_obstacle_that_is_known_better_is_grown_anew_and_no_other() -> None:
+    world = office()
+    better = replace(ESTIMATES[2], covariance=0.1 * ESTIMATES[2].covariance)
+    found = refined(world, {2: better})
+    assert [i for i in range(5) if found.obstacles[i] is not world.obstacles[i]] == [2]
+    expected = regrow(replace(world, estimates=(*world.estimates[:2], found.estimates[2], *world.estimates[3:])), 0.99)
+    assert found.obstacles == expected.obstacles
+    assert found.estimates[2] == replace(better, share=0.3)
+    (item,) = world.difference(found).items
+    assert (item.before, item.after) == (world.obstacles[2], found.obstacles[2])
+    assert item.estimate is found.estimates[2]
+
+
+def test_refining_is_refused_in_one_line() -> None:
+    with pytest.raises(WorldError, match="refined: expected an id or an index from 0 to 4, got 9"):
+        refined(office(), {9: ESTIMATES[0]})
+    with pytest.raises(EstimationError, match="obstacle 4: expected an estimate with a share of the risk, got none"):
+        refined(office(), {4: ESTIMATES[0]})
+    with pytest.raises(WorldError, match="shares that add up to at most 1"):
+        refined(office(), {4: replace(ESTIMATES[0], share=0.5)})
