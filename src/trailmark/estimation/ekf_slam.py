@@ -16,7 +16,7 @@ from trailmark.arguments import brief, real
 from trailmark.checked import checked_arguments
 from trailmark.errors import expected_name
 from trailmark.estimation.association import NEW, Associator, Counts, SlamSettings, repeats
-from trailmark.estimation.covariance import Consistency, average, chi_square_quantile
+from trailmark.estimation.covariance import Consistency, average, chi_square_quantile, nees
 from trailmark.estimation.errors import EstimationError, RecordError
 from trailmark.estimation.models import MotionModel, SensorModel
 from trailmark.estimation.records import Detection, Increment, Odometry, Pose, Record, Scan
@@ -89,8 +89,7 @@ class FeatureHistory:
     confirmed: bool
     last: float
     readings: int = 1
-    # Features that were read at one instant with it: they are not the same.
-    seen_with: set[int] = field(default_factory=set)
+    seen_with: set[int] = field(default_factory=set)  # features that were read at one instant with it: not the same
 
 
 class FeatureHistories:
@@ -114,58 +113,50 @@ class FeatureHistories:
             history.readings, history.last = history.readings + 1, time
             history.confirmed = history.confirmed or history.readings >= self._settings.confirm
 
-    def separate(self, features: list[int]) -> None:
-        """Note that these features were read at one instant: they are different ones."""
-        for feature in features:
-            self.histories[feature].seen_with.update(other for other in features if other != feature)
-
     def drop_stale(self, time: float) -> int:
         """Drop tentative features that were not read for a while; return how many."""
-        stale = [
-            i
-            for i, history in self.histories.items()
-            if not history.confirmed and time - history.last > self._settings.timeout
-        ]
+        limit = time - self._settings.timeout
+        stale = [i for i, history in self.histories.items() if not history.confirmed and history.last < limit]
         for i in stale:
-            self._remove(i)
+            self._filter.remove_feature(i)
+            del self.histories[i]
+        for history in self.histories.values():
+            history.seen_with.difference_update(stale)
         return len(stale)
 
     def merge(self, features: list[int]) -> dict[int, int]:
-        """Merge these features with others that may be the same; return which became which.
+        """Merge these features, read at one instant, with others that may be the same; return which became which.
 
         Two features are one if they were never read at one instant and their difference passes the gate
         ``merge_gate`` by its covariance, which counts all they have in common. The filter then takes them for
         equal, which is exact, and one of them is removed.
         """
+        for i in features:
+            self.histories[i].seen_with.update(other for other in features if other != i)
         gone: dict[int, int] = {}
         limit = chi_square_quantile(self._settings.merge_gate or 0.0, 2)
         for i in features:
-            if i in gone:
-                continue
-            history = self.histories[i]
-            others = [j for j in self.histories if j != i and j not in history.seen_with]
+            others = [] if i in gone else [j for j in self.histories if j != i and j not in self.histories[i].seen_with]
             if not others:
                 continue
             d2 = self._differences(i, others)
             best = int(d2.argmin())
-            if d2[best] > limit:
-                continue
-            keep, drop = sorted((i, others[best]), key=lambda k: -self.histories[k].readings)
-            self._filter.merge_features(keep, drop)
-            self._join(keep, drop)
-            gone[drop] = keep
+            if d2[best] <= limit:
+                keep, drop = sorted((i, others[best]), key=lambda k: -self.histories[k].readings)
+                self._filter.merge_features(keep, drop)
+                self._join(keep, drop)
+                gone[drop] = keep
         return gone
 
-    def _differences(self, i: int, others: list[int]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def _differences(self, i: int, others: list[int]) -> FloatArray:
         """Return the squared Mahalanobis distance of a point to others, shape (k,)."""
         x, P, places = self._filter.x, self._filter.P, self._filter.features
         own, at = places[i], np.array([places[j].start for j in others])[:, None] + np.arange(2)
         cross = P[at, own]
         D = P[at[:, :, None], at[:, None, :]] + P[own, own] - cross - np.swapaxes(cross, 1, 2)
-        # Two features of one certain pose may have one and the same error.
-        D = D + 1e-12 * np.eye(2)
         delta = x[at] - x[own]
-        return np.asarray((delta[:, None, :] @ np.linalg.solve(D, delta[..., None]))[:, 0, 0])
+        # Two features of one certain pose may have one and the same error.
+        return nees(delta, D + 1e-12 * np.eye(2))
 
     def _join(self, keep: int, drop: int) -> None:
         merged, other = self.histories[keep], self.histories.pop(drop)
@@ -174,15 +165,8 @@ class FeatureHistories:
         merged.seen_with |= other.seen_with
         for history in self.histories.values():
             if drop in history.seen_with:
-                history.seen_with.discard(drop)
-                history.seen_with.add(keep)
+                history.seen_with = history.seen_with - {drop} | {keep}
         self.ids = {name: keep if i == drop else i for name, i in self.ids.items()}
-
-    def _remove(self, feature: int) -> None:
-        self._filter.remove_feature(feature)
-        del self.histories[feature]
-        for history in self.histories.values():
-            history.seen_with.discard(feature)
 
 
 class EkfSlam:
@@ -409,7 +393,6 @@ class EkfSlam:
             self._assignments.append(Assignment(detection.t, detection.identity, feature, detection))
         self.counts.used += len(seen)
         if not known and self.settings.merge_gate is not None and self.filter.mode == "slam":
-            self._features.separate(seen)
             self._merge(seen)
 
     def _merge(self, seen: list[int]) -> None:

@@ -79,11 +79,11 @@ class LinearSystem:
         self.A = csc_array((entries[own], places), shape=(int(rows.max()), width))
         symmetric = {"SymmetricMode": True}
         AtA = (self.A.T @ self.A).tocsc()
-        self._factor = splu(AtA, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+        self.factor = splu(AtA, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
 
     def estimate(self, right: FloatArray) -> FloatArray:
         """Return (AᵀA)⁻¹ Aᵀ b for columns b, shape (rows, k)."""
-        return np.asarray(self._factor.solve(np.asarray(self.A.T @ right)))
+        return np.asarray(self.factor.solve(np.asarray(self.A.T @ right)))
 
     def unexplained(self, right: FloatArray) -> FloatArray:
         """Return what is left of columns b once the estimate has followed them, b − A (AᵀA)⁻¹ Aᵀ b, shape (rows, k)."""
@@ -102,7 +102,7 @@ class LinearSystem:
         """Return the covariance of these columns' errors together, shape (k, k)."""
         unit = np.zeros((self.A.shape[1], len(columns)))
         unit[columns, np.arange(len(columns))] = 1.0
-        joint = np.asarray(self._factor.solve(unit))[columns]
+        joint = np.asarray(self.factor.solve(unit))[columns]
         return np.asarray(0.5 * (joint + joint.T))
 
 

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from trailmark.checked import NonNegative, Positive, checked_fields
 from trailmark.estimation.covariance import chi_square_quantile
 from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.landmark_graph import IntArray, LinearSystem, rotations, turned
 from trailmark.estimation.records import Scan
 from trailmark.estimation.scan_matching import (
     ELSEWHERE,
@@ -102,8 +103,6 @@ class GraphSettings:
 BoolArray = NDArray[np.bool_]
 
 
-IntArray = NDArray[np.intp]
-
 MIN_POINTS = 10  # End points that a scan needs to be matched: fewer do not show a shape.
 THIN = 0.1  # Metres: a cloud of several scans has one point for each square of this side.
 # Metres and radians by which the maps of two visits to a place disagree, each with the errors of its own scans, which
@@ -164,7 +163,7 @@ def pose_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatA
     Returns:
         Of x, y and theta, in the world's axes.
     """
-    return _covariances(*_graph(relations, poses), _turns(poses))
+    return _covariances(*_graph(relations, poses), rotations(poses[:, 2]))
 
 
 def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatArray:
@@ -177,12 +176,9 @@ def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> Fl
     Returns:
         Of x, y and theta, in the world's axes.
     """
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
     n = len(poses)
     graph, values = _graph(relations, poses)
-    turn = _turns(poses)
+    turn = rotations(poses[:, 2])
     own = _covariances(graph, values, turn)
     # What a shift and a turn of the frame do to each pose, and the ones that align the places best.
     frame = np.zeros((n, 3, 3))
@@ -191,22 +187,12 @@ def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> Fl
     frame[:, 0, 2], frame[:, 1, 2] = -away[:, 1], away[:, 0]
     align = np.zeros((n, 3, 3))
     align[:, :, :2] = np.linalg.pinv(frame[:, :2].reshape(-1, 3)).reshape(3, n, 2).transpose(1, 0, 2)
-    rows, columns, entries = graph.linearize(values).sparseJacobian_()
-    inside = columns <= 3 * n
-    jacobian = csc_array((entries[inside], (rows[inside].astype(int) - 1, columns[inside].astype(int) - 1)))
+    system = LinearSystem(*graph.linearize(values).sparseJacobian_(), 3 * n)
     local = (align @ turn).transpose(0, 2, 1).reshape(3 * n, 3)
-    shared = turn @ splu((jacobian.T @ jacobian).tocsc()).solve(local).reshape(n, 3, 3)
+    shared = turn @ system.factor.solve(local).reshape(n, 3, 3)
     total = np.einsum("nij,njk->ik", align, shared)
     crossed = shared @ frame.transpose(0, 2, 1)
     return np.asarray(own - crossed - crossed.transpose(0, 2, 1) + frame @ total @ frame.transpose(0, 2, 1))
-
-
-def _turns(poses: FloatArray) -> FloatArray:
-    """Return the matrices that turn x, y, theta of each pose's own frame into the world's, shape (n, 3, 3)."""
-    turn = np.zeros((len(poses), 3, 3))
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
-    return turn
 
 
 def _covariances(graph: Any, values: Any, turn: FloatArray) -> FloatArray:
@@ -333,9 +319,7 @@ class KeyScans:
 
 def in_frame(covariance: FloatArray, heading: float) -> FloatArray:
     """Return a covariance of x, y, theta in the world's axes, shape (3, 3), in those of a frame with that heading."""
-    c, s = np.cos(heading), np.sin(heading)
-    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(turn @ covariance @ turn.T)
+    return turned(covariance[None], np.array([-heading]))[0]
 
 
 LOOP_WINDOW = Window(10.0, math.pi)  # The largest window that is searched.
@@ -347,8 +331,6 @@ MAX_CANDIDATES = 6  # Earlier places, at most, that one scan is compared with.
 SEARCHED = 200  # End points, at most, that are looked for in the whole map.
 HEADINGS = 8  # Parts of a full turn in which it is looked for one by one.
 FAR = 1e6  # Metres: all of a map.
-
-IntArray = NDArray[np.intp]
 
 MAX_VISITS = 4  # Earlier visits, at most, that one scan is matched against: the nearest ones.
 # Metres and radians: what is matched farther from where the optimised graph has it than this is something else.
@@ -441,7 +423,7 @@ class LoopFinder:
         covariance = covariance + keys.spread(recent, k) + keys.spread(chain, place)
         return keys.related(place, k, found.pose, covariance, certain=False)
 
-    def _seen_share(self, query: PointCloud, pose: FloatArray, chain: NDArray[np.intp]) -> float:
+    def _seen_share(self, query: PointCloud, pose: FloatArray, chain: IntArray) -> float:
         """Return the share of a cloud's points, at a pose, that lie where the scans of a chain saw."""
         keys = self._keys
         seen = [in_view(keys.clouds[i], transformed(query, between(keys.poses[i], pose)).points) for i in chain]

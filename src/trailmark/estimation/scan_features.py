@@ -53,21 +53,18 @@ def fit_line(points: ArrayLike, covariances: ArrayLike, origin: ArrayLike = (0.0
 
     Each point counts by its variance across the line, nᵀ C n (Pfister, Roumeliotis & Burdick 2003, IEEE International
     Conference on Robotics and Automation). The covariance is the inverse of the information Σ j jᵀ / nᵀ C n with
-    j = (1, −p·t), by which ρ − p·n changes with ρ and α; it agrees with the error propagation of Arras & Siegwart
-    1997 where their weights are these variances.
+    j = (1, −p·t), by which ρ − p·n changes with ρ and α.
 
     Args:
         points: shape (n, 2), n >= 2, not all the same.
         covariances: shape (n, 2, 2), positive definite.
         origin: where the points were seen from, shape (2,): the normal points away from there.
     """
-    p, C = _checked_points(points, covariances, 2)
+    p, C = np.asarray(points, dtype=np.float64), np.asarray(covariances, dtype=np.float64)
     centre = p.mean(axis=0)
     # From the centre, so that ρ and α are hardly correlated and far from the origin no digits are lost.
     q = p - centre
     _, values, axes = np.linalg.svd(q, full_matrices=False)
-    if not values[0] > 0.0:
-        raise EstimationError(f"points: expected two or more different ones, got {len(p)} equal ones")
     alpha, rho = math.atan2(float(axes[0, 0]), -float(axes[0, 1])), 0.0
     for _ in range(STEPS):
         residual, _, _, information, gradient = _line_system(q, C, rho, alpha)
@@ -94,13 +91,9 @@ def fit_line(points: ArrayLike, covariances: ArrayLike, origin: ArrayLike = (0.0
 
 
 def fit_circle_roughly(points: ArrayLike) -> FloatArray | None:
-    """Return centre and radius, shape (3,), by Kåsa's algebraic fit; None for points on a line.
+    """Return centre and radius (3,) of a circle through points (n, 2), n >= 3, or None for points on a line.
 
-    It is quick, and short arcs bias it towards small circles (Kåsa 1976, IEEE Transactions on Instrumentation and
-    Measurement).
-
-    Args:
-        points: shape (n, 2), n >= 3.
+    The algebraic fit of Kåsa 1976 (IEEE Transactions on Instrumentation and Measurement), biased by short arcs.
     """
     p = np.asarray(points, dtype=np.float64)
     centre = p.mean(axis=0)
@@ -116,13 +109,9 @@ def fit_disc(points: ArrayLike, covariances: ArrayLike) -> DiscFit | None:
     """Return the circle that makes the points likeliest, or None where they are too straight for one.
 
     The rough circle is refined by Gauss-Newton steps on the distances to it, each weighted by the point's variance
-    along the radius. The covariance is the inverse of their information.
-
-    Args:
-        points: shape (n, 2), n >= 3.
-        covariances: shape (n, 2, 2), positive definite.
+    along the radius. Points have shape (n, 2), n >= 3, covariances (n, 2, 2), positive definite.
     """
-    p, C = _checked_points(points, covariances, 3)
+    p, C = np.asarray(points, dtype=np.float64), np.asarray(covariances, dtype=np.float64)
     first = fit_circle_roughly(p)
     if first is None:
         return None
@@ -174,17 +163,6 @@ def _axes(alpha: float) -> tuple[FloatArray, FloatArray]:
     return np.array([cos, sin]), np.array([-sin, cos])
 
 
-def _checked_points(points: ArrayLike, covariances: ArrayLike, minimum: int) -> tuple[FloatArray, FloatArray]:
-    p, C = np.asarray(points, dtype=np.float64), np.asarray(covariances, dtype=np.float64)
-    if p.ndim != 2 or p.shape[1] != 2 or len(p) < minimum or C.shape != (len(p), 2, 2):
-        raise EstimationError(
-            f"points, covariances: expected shapes (n, 2), (n, 2, 2), n >= {minimum}, got {p.shape}, {C.shape}"
-        )
-    return p, C
-
-
-IntArray = NDArray[np.intp]
-
 # The smallest angle, radians, between a beam and a continuous surface that it is assumed to meet.
 INCIDENCE = math.radians(10.0)
 SPLIT = 0.06  # Metres that an end point may lie off a line before the line is split: three deviations of a range.
@@ -232,7 +210,6 @@ class ScanFeatures(NamedTuple):
 
     lines: tuple[LineFit, ...]
     discs: tuple[DiscFit, ...]
-    others: tuple[IntArray, ...]  # The end points, by group, that are part of neither.
 
 
 def scan_points(scan: Scan, settings: ScanSettings) -> ScanPoints:
@@ -317,31 +294,23 @@ def split_and_merge(points: ArrayLike, threshold: float) -> list[IntArray]:
 
 
 def find_features(scan: Scan, settings: ScanSettings | None = None) -> tuple[ScanPoints, ScanFeatures]:
-    """Return the end points of a scan, and the lines, discs and other groups in them.
+    """Return the end points of a scan, and the lines and discs in them.
 
     A group is a disc if a circle of an allowed radius, of which enough is seen, bulges towards the scanner and fits
     it as its noise would, which no line does. Else it is split into straight pieces; those that are long and straight
-    enough are lines. The rest is given as it is.
+    enough are lines.
     """
     s = settings or ScanSettings()
     hits = scan_points(scan, s)
-    lines, discs, others = list[LineFit](), list[DiscFit](), list[IntArray]()
+    lines, discs = list[LineFit](), list[DiscFit]()
     for group in jump_groups(hits, s):
         disc = _disc_in(hits, group)
         if disc is not None:
             discs.append(disc)
             continue
-        rest = []
-        for piece in split_and_merge(hits.points[group], SPLIT):
-            own = group[piece]
-            line = _line_in(hits, own)
-            if line is None:
-                rest.append(own)
-            else:
-                lines.append(line)
-        if rest:
-            others.append(np.concatenate(rest))
-    return hits, ScanFeatures(tuple(lines), tuple(discs), tuple(others))
+        pieces = (_line_in(hits, group[piece]) for piece in split_and_merge(hits.points[group], SPLIT))
+        lines += [line for line in pieces if line is not None]
+    return hits, ScanFeatures(tuple(lines), tuple(discs))
 
 
 def _line_in(hits: ScanPoints, own: IntArray) -> LineFit | None:
