@@ -199,7 +199,8 @@ class Smoother:
     def linearised(self, solution: Solution) -> LinearSystem:
         """Return the whitened factors at a solution: motions, then readings, then the first pose."""
         linear = self._held(solution.poses[0]).linearize(self._values(solution.poses, solution.features))
-        return LinearSystem(*linear.sparseJacobian_(), 3 * self._poses + 2 * len(solution.features))
+        rows, columns, entries = linear.sparseJacobian_()
+        return LinearSystem(rows, columns, entries, 3 * self._poses + 2 * len(solution.features))
 
     def pair_covariances(self, solution: Solution) -> tuple[FloatArray, FloatArray]:
         """Return the covariance of each pose and the next together, shape (n − 1 or 1, 6, 6), in the map's axes.

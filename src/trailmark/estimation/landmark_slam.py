@@ -36,6 +36,8 @@ OnProgress = Callable[[str, int, int], None]
 OUTLIER_GATE = 0.9999  # Probability that a good reading passes. Misread barcodes, some in a thousand, lie far outside.
 FARTHEST = 1e6  # Metres (and radians): no sensor reads farther, and squares of larger numbers lose what is near.
 SUREST = 1e-6  # Metres (and radians): no sensor errs less, and a reading without any error would settle all.
+# A hundred times as many refused readings as the gate refuses of good ones: some are good, or many are misread.
+MANY = 0.01
 _ALLOWED = "expected values that a robot can have"
 _REPORT_EVERY = 64  # Records from one report of progress to the next.
 
@@ -85,10 +87,15 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
     run = _filtered(log, settings, s, poses, association, on_progress)
     if poses == "log" or not settings.smooth or not run.result.features:
         return run
+    begun = [run.result]
+    if association == "known" and run.result.counts.outliers > MANY * run.result.counts.detections:
+        # Where the filter errs, not the readings, the gate refuses the very readings that would set it right. The batch
+        # finds out which it was: it begins with either, and judges each reading again.
+        begun.append(_filtered(log, settings, replace(s, outlier_gate=None), poses, association, on_progress).result)
     report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
     times = np.unique([record.t for record in log.records if not isinstance(record, Pose | Scan)])
     try:
-        batch = smoothed(list(_records(log, settings)), settings, run.result, run.start, times, report)
+        batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
     except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
         reason = str(error).strip().partition("\n")[0]
         raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}); setting smooth: false") from None
@@ -159,7 +166,7 @@ class BatchResult(NamedTuple):
 def smoothed(
     records: Sequence[Record],
     settings: MapSettings,
-    result: SlamResult,
+    begun: Sequence[SlamResult],
     start: FloatArray,
     times: FloatArray,
     on_round: Callable[[int, int], None] | None = None,
@@ -169,18 +176,21 @@ def smoothed(
     Args:
         records: of the log, in the order of time.
         settings: their noise, and whether it is estimated.
-        result: of EKF-SLAM over these records: the batch begins with it.
+        begun: results of EKF-SLAM over these records, with the same features: the batch begins with each, and goes on
+            with the one that leads to the least error.
         start: the first pose, shape (3,).
         times: of the trajectory's rows, shape (k,), ascending.
         on_round: called with the number of rounds done, and how many there are at most.
     """
+    result = begun[0]
     detections = [assignment.detection for assignment in result.assignments]
     instants, feature = np.unique([detection.t for detection in detections]), _features_of(result)
     track = OdometryTrack(records)
     readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
     batch = Batch(track, readings, instants, track.stated_variances(settings.velocity, settings.increment))
-    poses = _poses_at(result.trajectory, instants, start)
-    estimate = batch.solve(poses, _first_places(result, readings, poses, feature), feature)
+    guesses = [_poses_at(each.trajectory, instants, start) for each in begun]
+    first = [(poses, _first_places(each, readings, poses, feature)) for each, poses in zip(begun, guesses, strict=True)]
+    estimate = batch.solve(*batch.best_of(first, feature), feature)
     stated, auto = misfit(batch, estimate), settings.fit_noise == "auto"
     if any(f.identity is not None for f in result.features):
         wrong = stated.understated or (stated.overstated and settings.default_noise)

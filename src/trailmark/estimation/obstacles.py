@@ -306,8 +306,6 @@ def _place_variance(hits: NDArray[np.int32], variance: NDArray[np.float32], s: M
     return s.scan.sigma_range**2 + float(variance.sum()) / max(1, int(hits.sum()))
 
 
-BoolArray = NDArray[np.bool_]
-
 # Metres: how far a beam that met nothing shows space to be free, at most. Glass and what is black or tilted away
 # throw nothing back either, and a beam hardly misses anything near.
 CLEAR_RANGE = 8.0

@@ -187,7 +187,8 @@ def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> Fl
     frame[:, 0, 2], frame[:, 1, 2] = -away[:, 1], away[:, 0]
     align = np.zeros((n, 3, 3))
     align[:, :, :2] = np.linalg.pinv(frame[:, :2].reshape(-1, 3)).reshape(3, n, 2).transpose(1, 0, 2)
-    system = LinearSystem(*graph.linearize(values).sparseJacobian_(), 3 * n)
+    rows, columns, entries = graph.linearize(values).sparseJacobian_()
+    system = LinearSystem(rows, columns, entries, 3 * n)
     local = (align @ turn).transpose(0, 2, 1).reshape(3 * n, 3)
     shared = turn @ system.factor.solve(local).reshape(n, 3, 3)
     total = np.einsum("nij,njk->ik", align, shared)
