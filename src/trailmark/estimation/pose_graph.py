@@ -320,7 +320,7 @@ class KeyScans:
 
 def in_frame(covariance: FloatArray, heading: float) -> FloatArray:
     """Return a covariance of x, y, theta in the world's axes, shape (3, 3), in those of a frame with that heading."""
-    return turned(covariance[None], np.array([-heading]))[0]
+    return np.asarray(turned(covariance[None], np.array([-heading]))[0])
 
 
 LOOP_WINDOW = Window(10.0, math.pi)  # The largest window that is searched.
