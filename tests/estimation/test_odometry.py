@@ -154,3 +154,22 @@ def test_odometry_is_missing_where_there_is_none_among_much() -> None:
     assert not missing_odometry(driven([1, 1, 0, 2, 1])).any()
     # Velocities hold until others come.
     assert not missing_odometry(log([Odometry(0.0, 1.0, 0.0), bare(1.0), bare(2.0)])).any()
+
+
+@pytest.mark.parametrize("velocities", [True, False])
+@pytest.mark.parametrize(
+    ("begin", "end", "late", "expected"), [(2.4, 3.6, False, [3, 4]), (2.4, 2.55, False, []), (2.4, 3.6, True, [])]
+)
+def test_odometry_is_missing_where_it_is_silent(
+    velocities: bool, begin: float, end: float, late: bool, expected: list[int]
+) -> None:
+    """For a part of the time between scans; but not where one record is lost, or where all come late."""
+    records: list[Record] = []
+    for t in np.arange(0.05, 6.0, 0.1).tolist():
+        silent = begin < t < end
+        at = end if silent and late else t
+        if late or not silent:
+            records += [Odometry(at, 0.5, 0.1) if velocities else Increment(at, 0.05, 0.0, 0.01)]
+    records += [Odometry(6.0, 0.0, 0.0)] if velocities else []
+    records = sorted([*records, *(bare(float(t)) for t in range(6))], key=lambda record: record.t)
+    assert np.flatnonzero(missing_odometry(log(records))).tolist() == expected

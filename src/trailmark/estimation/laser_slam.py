@@ -58,6 +58,8 @@ CARRIED = 5.0
 UNFIT = 0.5
 # Where a scan is searched for that does not surely fit where odometry has it: near the last one, at every heading.
 ALL_ROUND = Window(2.0, np.pi)
+# Metres and radians per second that no robot is faster than: where odometry is missing, time alone bounds the motion.
+FASTEST = 2.0, 3.0
 # Score from which on a match near odometry's guess is right: of 180 scans of four logs that were turned by 25 degrees
 # or more beside the guess, none that was matched more than 10 degrees off had more than 0.73.
 SURE = 0.8
@@ -65,6 +67,8 @@ SURE = 0.8
 # also the share of that score from which on the match near the guess stands against it. Right guesses had 0.6 and
 # more, wrong ones 0.75 at most.
 DECISIVE = 0.7
+# Times what a match leaves unexplained that any other place leaves, beside what LOOP_AMBIGUITY asks: one suffices.
+UNEXPLAINED = 2.5
 CONFIRMED = 3  # Loop closures between what lies before and after a step that confirm it.
 # End points, at most, that are searched for in a local map: a scanner with more beams shows no more shapes.
 MATCHED = 400
@@ -141,6 +145,7 @@ class ScanSlam:
         self._covariance = np.zeros((3, 3))
         self._odometry = np.zeros(3)  # at the node that the robot was last at
         self._last = 0  # that node
+        self._seen = 0.0  # when the last scan was taken, seconds
         self._chain = np.empty(0, dtype=np.intp)  # the nodes whose scans make the local map
         self._scans: list[tuple[int, FloatArray]] = []  # key and pose in its frame
         self._spreads: list[FloatArray] = []  # covariance of each beside its key's
@@ -188,6 +193,7 @@ class ScanSlam:
             missing: whether odometry from the scan before to this one is missing.
         """
         s, keys, area, cloud = self._s, self._keys, self._area, surface_cloud(scan, self._s.max_range)
+        since, self._seen = scan.t - self._seen, scan.t
         if area is None:
             self._add_key(odometry, cloud, odometry)
             return
@@ -199,7 +205,7 @@ class ScanSlam:
         if len(cloud.points) < MIN_POINTS:
             self._add_unmatched(compose(keys.poses[last], step), cloud, odometry, np.eye(3) if missing else noise)
             return
-        found = self._search(area, cloud, step, noise, missing=missing)
+        found = self._search(area, cloud, step, noise, since if missing else None)
         if found is None:
             self._relocated.append(len(self._scans))
             self.place(scan, compose(keys.poses[last], step), odometry)
@@ -233,14 +239,17 @@ class ScanSlam:
         return True
 
     def _search(
-        self, area: LocalMap, cloud: PointCloud, step: FloatArray, noise: FloatArray, *, missing: bool
+        self, area: LocalMap, cloud: PointCloud, step: FloatArray, noise: FloatArray, lost: float | None
     ) -> _Found | None:
-        """Return a scan's pose, found around where odometry has it, and what is taken for the odometry."""
+        """Return a scan's pose, found around where odometry has it, and what is taken for the odometry.
+
+        Where that is missing, ``lost`` is the time since the last scan, seconds.
+        """
         s, here = self._s, self._keys.poses[self._last]
         guess, driven = compose(here, step), np.hypot(*step[:2])
         points = _some(cloud)
-        if missing:
-            return self._search_all_round(area, points, here)
+        if lost is not None:
+            return self._search_alone(area, points, here, lost)
         window = Window(
             min(MAX_WINDOW.xy, max(WINDOW[0], 3.0 * float(np.sqrt(noise[0, 0])))),
             min(MAX_WINDOW.theta, max(WINDOW[1], 3.0 * float(np.sqrt(noise[2, 2])))),
@@ -266,27 +275,29 @@ class ScanSlam:
         if not (carried or farther or turned):
             return _Found(start, step, noise)
         near = abs(difference(here, other.pose)[2]) < MAX_WINDOW.theta
-        alone = self._is_alone(area, points, other, MAX_WINDOW if near else ALL_ROUND)
+        alone = self._is_alone(area, points, other, here, MAX_WINDOW if near else ALL_ROUND)
         if not (alone or unfit):
             return _Found(start, step, noise)  # of several places the one that odometry says
         self._relocated.append(len(self._scans))
         return _Found(other.pose, between(here, other.pose), np.eye(3), sure=alone or not carried)
 
-    def _search_all_round(self, area: LocalMap, points: FloatArray, here: FloatArray) -> _Found:
+    def _search_alone(self, area: LocalMap, points: FloatArray, here: FloatArray, lost: float) -> _Found:
         """Return a scan's pose where the odometry is missing: the scan alone decides, or nothing does."""
-        best = search(area, points, here, ALL_ROUND, coarseness=2, min_score=DECISIVE)
+        around, (speed, turning) = self.pose, FASTEST
+        window = Window(min(ALL_ROUND.xy, speed * lost), min(ALL_ROUND.theta, turning * lost))
+        best = search(area, points, around, window, coarseness=2, min_score=DECISIVE)
         if best is None:
             return _Found(here, np.zeros(3), np.eye(3), sure=False, fits=False)
         _, is_open = match_covariance(area, points, best.pose, scatter=self._s.scatter)
-        sure = not is_open and self._is_alone(area, points, best, ALL_ROUND)
+        sure = not is_open and self._is_alone(area, points, best, around, window)
         if sure:
             self._relocated.append(len(self._scans))
         return _Found(best.pose, between(here, best.pose), np.eye(3), sure=sure, fits=sure)
 
-    def _is_alone(self, area: LocalMap, points: FloatArray, match: Match, window: Window) -> bool:
-        """Return whether a match is good and no other place around the last node is nearly as good."""
-        here, limit = self._keys.poses[self._last], LOOP_AMBIGUITY * match.score
-        rival = search(area, points, here, window, coarseness=2, min_score=limit, apart_from=match.pose)
+    def _is_alone(self, area: LocalMap, points: FloatArray, match: Match, around: FloatArray, window: Window) -> bool:
+        """Return whether a match is good and no other place of a window is nearly as good."""
+        limit = max(LOOP_AMBIGUITY * match.score, 1.0 - UNEXPLAINED * (1.0 - match.score))
+        rival = search(area, points, around, window, coarseness=2, min_score=limit, apart_from=match.pose)
         return match.score >= DECISIVE and rival is None
 
     def _close_loops(self, own: int) -> None:

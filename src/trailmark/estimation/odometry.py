@@ -23,9 +23,18 @@ from trailmark.se2 import FloatArray, compose, wrap
 
 BoolArray = NDArray[np.bool_]
 
-# Records of odometry between two scans, by the median, from which on a gap without any shows that some are missing:
-# of fewer, none may lie between two scans by chance.
+# Odometry is missing where it is silent for longer than this many times what nine of ten of its steps take, and
+# than these seconds, in which no robot turns by more than a search around the last heading covers.
+LONG, SILENT = 2.0, 0.2
+# Increments between two scans, by the median, from which on a gap without any shows that some are missing: of fewer,
+# none may lie between two scans by chance.
 USUAL = 3
+# Share of the records expected around a gap, and in half of its length before and after, from which on none are
+# missing: they came late, and together.
+LATE = 0.65
+# Share of the speed around it that the step after a gap has at least where it holds what was driven in the gap.
+WHOLE = 0.5
+AROUND = 5  # Steps before and after a gap that tell how fast the robot was.
 
 
 @checked_arguments(EstimationError)
@@ -71,16 +80,36 @@ def _between(records: Sequence[Record], scans: Sequence[Scan]) -> FloatArray:
 
 
 def missing_odometry(log: Log) -> BoolArray:
-    """Return before which scans the log lacks odometry, shape (m,): there is none since the scan before."""
-    scan = np.array([isinstance(record, Scan) for record in log.records], dtype=bool)
-    moved = np.array([isinstance(record, Odometry | Increment) for record in log.records], dtype=bool)
-    counts = np.diff(np.cumsum(moved)[scan], prepend=0)
-    # Velocities hold until others come.
-    if len(counts) < 2 or any(isinstance(record, Odometry) for record in log.records):
-        return np.zeros(len(counts), dtype=bool)
-    lacking = (counts == 0) & (float(np.median(counts[1:])) >= USUAL)
-    lacking[0] = False
-    return np.asarray(lacking)
+    """Return before which scans the log lacks odometry, shape (m,): for a part of the time since the scan before."""
+    scans = np.array([record.t for record in log.records if isinstance(record, Scan)])
+    moves = [record for record in log.records if isinstance(record, Odometry | Increment)]
+    lacking = np.zeros(len(scans), dtype=bool)
+    if len(moves) < 2 or len(scans) < 2:
+        return lacking
+    if isinstance(moves[0], Increment):
+        # Whatever the times, that may be coarse, say.
+        number = np.cumsum([isinstance(record, Increment) for record in log.records])
+        between_scans = np.diff(number[[isinstance(record, Scan) for record in log.records]])
+        lacking[1:] = (between_scans == 0) & (float(np.median(between_scans)) >= USUAL)
+    t = np.array([record.t for record in moves])
+    gaps = np.diff(t)
+    usual = float(np.quantile(gaps[gaps > 0.0], 0.9)) if (gaps > 0.0).any() else np.inf
+    silent = gaps > max(SILENT, LONG * usual)
+    way = np.array([abs(r.dx) + abs(r.dy) + abs(r.dtheta) if isinstance(r, Increment) else 0.0 for r in moves[1:]])
+    for i in np.flatnonzero(silent):
+        begin, end, gap = t[i], t[i + 1], gaps[i]
+        around = np.searchsorted(t, [begin - 0.5 * gap, end + 0.5 * gap])
+        late = around[1] - around[0] >= LATE * 2.0 * gap / gaps[~silent].mean()
+        # An increment that was made of two poses holds all that was driven between them.
+        near = np.r_[max(0, i - AROUND) : i, i + 1 : min(len(gaps), i + 1 + AROUND)]
+        speed = way[near].sum() / max(float(gaps[near].sum()), 1e-9)
+        whole = way[i] / gap >= WHOLE * speed > 0.0
+        if not (late or whole):
+            lacking[1:] |= (scans[1:] > begin) & (scans[:-1] < end)
+    # Velocities hold until others come, the last ones too.
+    if isinstance(moves[-1], Odometry) and (moves[-1].v or moves[-1].omega):
+        lacking |= scans > t[-1] + max(SILENT, LONG * usual)
+    return lacking
 
 
 class DeadReckoning:
