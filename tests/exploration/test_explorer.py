@@ -14,8 +14,8 @@ import shapely
 from tests.support import exploration_faults as faults
 
 from trailmark import ConfigurationError, Rectangle, Robot, World
-from trailmark.estimation.logs.records import Record, Scan
-from trailmark.estimation.simulation.virtual_sensors import Scanner
+from trailmark.estimation.records import Record, Scan
+from trailmark.estimation.virtual_sensors import Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
 from trailmark.exploration.background import Background
 from trailmark.exploration.course import MAX_FAILED

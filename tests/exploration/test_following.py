@@ -9,7 +9,7 @@ from tests.support.trials import few
 from trailmark import Disc, Path, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import build_footprint
-from trailmark.estimation.simulation.virtual_sensors import RayCaster, Scanner
+from trailmark.estimation.virtual_sensors import RayCaster, Scanner
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.se2 import compose, difference

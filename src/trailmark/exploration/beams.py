@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import cos, hypot, pi, sin
 from typing import Final
 
-from trailmark.estimation.maps.cell_walk import first_step
+from trailmark.estimation.grid import first_step
 from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, OCTAVE, SEEN, TILE, TOUCHED, UNKNOWN, level_of
 from trailmark.exploration.surfaces import enter_surfaces
 from trailmark.jit import callee, njit

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.estimation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.background import Background, Result
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import BACK, PathFollower, contact_points, turned_around, way_back, way_back_to

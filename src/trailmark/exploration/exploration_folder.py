@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError, OutputError
-from trailmark.estimation.logs import load_log, save_log
-from trailmark.estimation.logs.records import Log
+from trailmark.estimation.readers import load_log, save_log
+from trailmark.estimation.records import Log
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult, History
 from trailmark.formats import nav2_map
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically

@@ -12,8 +12,8 @@ import numpy as np
 
 from trailmark.arguments import brief, callback, each_of, one_of, whole
 from trailmark.errors import ConfigurationError, as_raised
-from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
-from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.estimation.records import Detection, Log, Pose, Record, Scan
+from trailmark.estimation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.background import postponed_interrupts
 from trailmark.exploration.cells import quarters
 from trailmark.exploration.course import Course

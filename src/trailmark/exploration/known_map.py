@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.logs.records import Scan
-from trailmark.estimation.scans.clouds import point_cloud
+from trailmark.estimation.records import Scan
+from trailmark.estimation.scan_matching import point_cloud
 from trailmark.exploration.beams import NUDGE, agreement, enter_scan
 from trailmark.exploration.cells import (
     FREE,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import atan2, ceil, cos, floor, hypot, pi, sin
 from typing import Final
 
-from trailmark.estimation.maps.cell_walk import first_step
+from trailmark.estimation.grid import first_step
 from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, OCTAVE, TILE, level_of
 from trailmark.jit import callee
 
