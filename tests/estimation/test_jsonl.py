@@ -157,7 +157,7 @@ def test_bad_lines(tmp_path: Path, line: str, problem: str) -> None:
         ('{"trailmark_log": 1, "nam": "a"}', "got 'nam'"),
         ('{"name": "a"}', "header: expected a field 'trailmark_log', got none"),
         ('{"trailmark_log": 1, "cell": 0}', "header: cell: expected"),
-        (GOOD, "header: field: expected cell, name, trailmark_log, got"),
+        (GOOD, "header: field: expected cell, name, trailmark_log, whole, got"),
         ("{", "not valid JSON"),
     ],
 )

@@ -259,6 +259,16 @@ def test_a_reading_that_cannot_be_is_told_in_one_line(z: list[float], identity: 
     assert "\n" not in str(caught.value)
 
 
+def test_what_a_confidence_rests_on_and_what_was_seen_once_are_told() -> None:
+    once = Detection(log().records[-1].t, np.array([3.0, 0.0]), identity=99)
+    mapped = map_log(log()._replace(records=(*log().records, once)), RIGHT, confidence=0.9)
+    assert mapped.slam is not None
+    x, y = next(feature.mean for feature in mapped.slam.features if feature.identity == 99)
+    assert f"seen less than twice: near ({x:.1f}, {y:.1f})" in mapped.notes
+    assert any("0.9 holds if errors are Gaussian" in note for note in mapped.notes)
+    assert not any("seen" in note for note in map_log(log(), RIGHT).notes)
+
+
 POSTS_BEARINGS = np.array([[6.0, 1.0], [4.0, -2.0], [2.0, 3.0], [8.0, 4.0], [5.0, -5.0]])
 CERTAIN = MappingSettings(pose_sigma=(0.0, 0.0))
 

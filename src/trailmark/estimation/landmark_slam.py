@@ -47,7 +47,7 @@ class SlamRun(NamedTuple):
 
     result: SlamResult
     association: AssociationMethod
-    tentative: int  # Features that were still to be confirmed at the end.
+    tentative: FloatArray  # Where features were that were still to be confirmed at the end, shape (k, 2).
     start: FloatArray  # The pose before the first record, shape (3,).
     batch: BatchResult | None = None  # The batch that followed.
 
@@ -137,7 +137,9 @@ def _filtered(
     if lost.any():
         first = result.trajectory[lost, 0].min()
         raise EstimationError(f"{_ALLOWED}, got an estimate that is no number from {first:g} s on")
-    return SlamRun(result, association, len(slam.filter.features) - len(result.features), start)
+    confirmed = {feature.id for feature in result.features}
+    tentative = [feature.mean for feature in slam.features(tentative=True) if feature.id not in confirmed]
+    return SlamRun(result, association, np.array(tentative).reshape(-1, 2), start)
 
 
 def _records(log: Log, s: MapSettings) -> Iterator[Record]:

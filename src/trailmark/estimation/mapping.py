@@ -14,6 +14,7 @@ from trailmark.estimation.landmark_slam import OnProgress, SlamRun, run_slam
 from trailmark.estimation.laser_slam import ScanPoses, match_scans
 from trailmark.estimation.map_settings import MapSettings, ObstacleSource, PoseSource
 from trailmark.estimation.mapped_log import (
+    SHOWN,
     MappedLog,
     association_doubts,
     detection_warnings,
@@ -170,7 +171,7 @@ def map_log(
         poses=sources.poses,
         association=None if run is None else run.association,
         slam=None if run is None else run.result,
-        tentative=0 if run is None else run.tentative,
+        tentative=0 if run is None else len(run.tentative),
         scans=scan_map,
         matched=matched,
         seconds=perf_counter() - begin,
@@ -180,6 +181,7 @@ def map_log(
         notes=(
             *log.notes,
             *_notes(s, sources, world, frame),
+            *_basis(confidence, run if detected else None),
             *_coarser(scan_map, s.mapping.cell_side(log.cell)),
             *_relocations(matched, trajectory),
         ),
@@ -208,8 +210,8 @@ def _world_of_discs(log: Log, s: MapSettings, run: SlamRun, robot: Robot | None,
         counts = run.result.counts
         raise EstimationError(
             f"expected {s.slam.confirm} readings of a feature, or identities, got no feature confirmed by "
-            f"{counts.detections} detections ({counts.unidentified} without the identity asked for, {run.tentative} "
-            f"tentative features, {counts.dropped} dropped)"
+            f"{counts.detections} detections ({counts.unidentified} without the identity asked for, "
+            f"{len(run.tentative)} tentative features, {counts.dropped} dropped)"
         )
     means = np.array([feature.mean for feature in features])
     within = run.batch.relative if run.batch is not None and frame == "map" else None
@@ -267,6 +269,26 @@ def _coarser(scan_map: ScanMap | None, cell: float) -> list[str]:
     if scan_map is None or scan_map.grid.cell <= cell:
         return []
     return [f"cells of {scan_map.grid.cell:g} m: with {cell:g} m the map would be too large (setting mapping.cell)"]
+
+
+def _basis(confidence: float | None, run: SlamRun | None) -> list[str]:
+    """Return what a confidence rests on, and which features were seen too seldom for that, with their places."""
+    notes = []
+    if confidence is not None:
+        notes.append(
+            f"{confidence:g} holds if errors are Gaussian and as large as stated, for obstacles that were seen"
+        )
+    if run is not None:
+        once = np.array([f.mean for f in run.result.features if f.readings < 2]).reshape(-1, 2)
+        for places, what in (
+            (once, "seen less than twice"),
+            (run.tentative, "left out, too seldom seen to be sure of"),
+        ):
+            if len(places):
+                shown = ", ".join(f"({x:.1f}, {y:.1f})" for x, y in places[:SHOWN].tolist())
+                more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
+                notes.append(f"{what}: near {shown}{more}")
+    return notes
 
 
 def _relocations(matched: ScanPoses | None, trajectory: FloatArray) -> list[str]:

@@ -129,6 +129,7 @@ class Log(NamedTuple):
         dropped: how many bad records were left out (with ``skip_bad``).
         notes: one sentence each on good records that the reader left out or changed, with their count.
         cell: side of the cells of the map by which a robot explored as it took the scans, metres; None if not stated.
+        whole: whether each increment holds all that was driven since the one before, as differences of poses do.
     """
 
     name: str
@@ -137,6 +138,7 @@ class Log(NamedTuple):
     dropped: int = 0
     notes: tuple[str, ...] = ()
     cell: float | None = None
+    whole: bool = False
 
 
 def first_pose(records: Sequence[Record]) -> tuple[float, float, float] | None:

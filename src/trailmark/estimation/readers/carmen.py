@@ -128,7 +128,7 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
     if glitches:
         others = "reading" if glitches == 1 else "readings"
         notes += (f"{glitches} {others} up to {farthest_glitch:g} m, far beyond all others, left out as glitches",)
-    return Log(name_of(path), tuple(records), np.empty((0, 3)), notes=notes)
+    return Log(name_of(path), tuple(records), np.empty((0, 3)), notes=notes, whole=True)
 
 
 def _lines(path: Path, bad: BadRecords, *, corrected: bool) -> tuple[list[_Line], bool]:

@@ -2,8 +2,9 @@
 
 The first line is the header, records follow in the order of time, landmarks stand anywhere among them:
 
-- ``{"trailmark_log": 1, "name": "yard", "cell": 0.1}``: the schema version, what reports call the log (optional), and
-  the side of the cells of the map by which a robot explored as it took the scans (optional);
+- ``{"trailmark_log": 1, "name": "yard", "cell": 0.1, "whole": true}``: the schema version, what reports call the log,
+  the side of the cells of the map by which a robot explored as it took the scans, and whether each increment holds all
+  that was driven since the one before, as differences of poses do (all optional but the first);
 - ``{"type": "odometry", "t": 0.0, "v": 0.5, "omega": 0.1}``: velocities that hold until the next odometry record;
 - ``{"type": "increment", "t", "dx", "dy", "dtheta", "covariance"}``: covariance 3 x 3 (optional);
 - ``{"type": "detection", "t", "z", "kind", "identity", "covariance"}``: z two numbers, range and bearing, or x and y
@@ -49,6 +50,7 @@ _HEADER = {
     "trailmark_log": Annotated[int, Rule("1 (the schema version)", lambda version: version == 1)],
     "name": str,
     "cell": Positive,
+    "whole": bool,
 }
 
 
@@ -58,6 +60,7 @@ class Header(NamedTuple):
     trailmark_log: int  # The schema version.
     name: str | None = None  # What reports call the log.
     cell: Positive | None = None  # Metres: side of the cells of the map by which a robot explored as it took the scans.
+    whole: bool = False  # Whether each increment holds all that was driven since the one before.
 
 
 class Landmark(NamedTuple):
@@ -181,7 +184,7 @@ def read_jsonl(path: Path, bad: BadRecords) -> Log:
             records.append(found)
     rows = np.array(landmarks, dtype=np.float64).reshape(-1, 3)
     name = name_of(path) if header.name is None else header.name
-    return Log(name, tuple(records), rows, cell=header.cell)
+    return Log(name, tuple(records), rows, cell=header.cell, whole=bool(header.whole))
 
 
 def write_jsonl(path: Path, log: Log) -> None:
@@ -190,6 +193,7 @@ def write_jsonl(path: Path, log: Log) -> None:
     ``dropped`` and ``notes``, which tell of another file, are not written.
     """
     header = {"trailmark_log": 1, "name": log.name} | ({} if log.cell is None else {"cell": log.cell})
+    header |= {"whole": True} if log.whole else {}
     lines = [json.dumps(header, ensure_ascii=False)]
     lines += (
         json.dumps({"type": "landmark", "identity": int(identity), "x": x, "y": y})

@@ -112,7 +112,7 @@ def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None,
             continue
         records.append(scan)
     order = np.argsort([record.t for record in records], kind="stable")
-    return Log(name_of(path), tuple(records[i] for i in order), np.empty((0, 3)), notes=tuple(notes))
+    return Log(name_of(path), tuple(records[i] for i in order), np.empty((0, 3)), notes=tuple(notes), whole=True)
 
 
 def _repeated(name: str, t: float) -> str:
