@@ -13,12 +13,15 @@ import numpy as np
 
 from trailmark.landmarks.band import Band
 from trailmark.planning.query import Query
-from trailmark.proofs.background import POLLING, Background
+from trailmark.proofs.background import Background
 from trailmark.proofs.bound import LowerBound
 from trailmark.proofs.claims import grid_separates
 from trailmark.proofs.enclosure import enclosed
 
 __all__ = ["Prover"]
+
+POLLING = 0.01
+"""Seconds between two looks at the clock, and whether to stop, while a proof is waited for."""
 
 CELLS = 1_000_000
 """Taken at most in a proof with headings: a few seconds."""

@@ -12,10 +12,7 @@ from typing import Generic, Self, TypeVar
 
 from trailmark.proofs.region import Stop
 
-__all__ = ["GRACE", "POLLING", "Background", "in_time"]
-
-POLLING = 0.01
-"""Seconds between two looks at the clock, and whether to stop, while a proof is waited for."""
+__all__ = ["Background", "in_time"]
 
 GRACE = 0.01
 """Seconds for whoever is told to stop, to hand over what is known."""
