@@ -22,7 +22,7 @@ from trailmark import (
 )
 from trailmark.benchmark.referee import Referee
 from trailmark.errors import ConfigurationError
-from trailmark.planning.query import GAP
+from trailmark.planning.incumbent import GAP
 from trailmark.se2 import FloatArray
 
 START = np.array([1.0, 1.0, 0.3])

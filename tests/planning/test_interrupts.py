@@ -31,10 +31,12 @@ PLANNING = (
     "planning/planner.py",
     "planning/dispatch.py",
     "planning/pipeline.py",
+    "planning/incumbent.py",
     "planning/query.py",
     "planning/placement.py",
     "planning/batch.py",
     "planning/prover.py",
+    "proofs/background.py",
 )
 
 

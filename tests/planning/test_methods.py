@@ -14,8 +14,8 @@ from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.planning import PlannerSettings, PlanResult
+from trailmark.planning.incumbent import GAP
 from trailmark.planning.placement import path_over_landmarks
-from trailmark.planning.query import GAP
 from trailmark.planning.settings import METHODS, STAGES
 from trailmark.shapes import Rectangle
 from trailmark.trajectories.path import Path

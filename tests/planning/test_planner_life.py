@@ -51,6 +51,7 @@ FILES = (
     "planning/planner.py",
     "planning/dispatch.py",
     "planning/pipeline.py",
+    "planning/incumbent.py",
     "planning/query.py",
     "planning/placement.py",
     "planning/batch.py",

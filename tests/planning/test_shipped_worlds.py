@@ -9,7 +9,7 @@ import pytest
 from tests.support.trials import thorough
 
 from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanResult
-from trailmark.planning.query import GAP
+from trailmark.planning.incumbent import GAP
 from trailmark.world import Query, World
 from trailmark.world.library import shipped_worlds
 

@@ -15,9 +15,9 @@ from trailmark import se2
 from trailmark.collision.certify import BUDGET
 from trailmark.errors import ConfigurationError
 from trailmark.planning.dispatch import plan_explained
+from trailmark.planning.incumbent import Budget, Incumbent
 from trailmark.planning.model import WorldModel
 from trailmark.planning.pipeline import WORTH_SHORTENING
-from trailmark.planning.query import Budget, Incumbent
 from trailmark.planning.result import PlanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shortening import shorten, without_needless

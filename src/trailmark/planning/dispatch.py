@@ -13,9 +13,9 @@ from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.planning.escape import plan_out_of_zones, way_out
 from trailmark.planning.goals import plan_to_goals
+from trailmark.planning.incumbent import Budget, Incumbent, OnProgress, vertices_of
 from trailmark.planning.model import WorldModel, WorldModels, zones_at
 from trailmark.planning.pipeline import plan_single
-from trailmark.planning.query import Budget, Incumbent, OnProgress, vertices_of
 from trailmark.planning.reasons import explained
 from trailmark.planning.replanning import MIN_SECONDS, Replanner, ReplanOptions, as_replan
 from trailmark.planning.result import PlanResult, ReplanResult, Status

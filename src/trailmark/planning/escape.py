@@ -30,8 +30,8 @@ from trailmark.collision import StateChecker
 from trailmark.curves.words import drive
 from trailmark.motion import Motion
 from trailmark.penetration import Penetration, outside_of
+from trailmark.planning.incumbent import Budget, Incumbent, OnProgress, vertices_of
 from trailmark.planning.model import WorldModel
-from trailmark.planning.query import Budget, Incumbent, OnProgress, vertices_of
 from trailmark.planning.result import PlanProgress, PlanResult
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from trailmark.collision import kernels
 from trailmark.collision.footprint import build_footprint
 from trailmark.motion import Motion
+from trailmark.planning.incumbent import Budget, Incumbent, OnProgress, report_error, vertices_of
 from trailmark.planning.model import Passed, WorldModel
 from trailmark.planning.pipeline import plan_single
-from trailmark.planning.prover import in_time
-from trailmark.planning.query import Budget, Incumbent, OnProgress, report_error, vertices_of
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.shortening import shorten
+from trailmark.proofs.background import in_time
 from trailmark.proofs.claims import contradicted
 from trailmark.se2 import FloatArray, transform, wrap
 from trailmark.search.cost_to_go import CostToGo

@@ -19,7 +19,6 @@ from trailmark.landmarks.retraction import retract_all
 from trailmark.landmarks.sampling import draw, farthest_samples
 from trailmark.lock import Lock
 from trailmark.motion import Motion
-from trailmark.planning.placement import DUPLICATE, LLOYD_STEPS
 from trailmark.planning.result import Update
 from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
@@ -28,6 +27,12 @@ from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.se2 import FloatArray
 
 __all__ = ["SharedRoadmap", "grow_general", "spread_landmarks"]
+
+DUPLICATE = 0.05
+"""Shares of the inscribed disc's radius: a landmark nearer than that to a joined node is hardly another place."""
+
+LLOYD_STEPS = 3
+"""Of K-means: more move the centres by little."""
 
 MANY_REMOVED = 64
 """Obstacles removed at once from which on the roadmap is spread anew when many queries ask for it."""

@@ -24,11 +24,11 @@ from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
 from trailmark.motion import Motion, motion_of
 from trailmark.planning.growth import SharedRoadmap
-from trailmark.planning.prover import in_time
 from trailmark.planning.result import Update
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.verification import Verification
 from trailmark.proofs import LowerBound, lower_bound_of
+from trailmark.proofs.background import in_time
 from trailmark.roadmap.revalidation import few_boxes
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc

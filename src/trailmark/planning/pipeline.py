@@ -13,14 +13,16 @@ from trailmark.collision.certify import BUDGET
 from trailmark.landmarks.band import Band
 from trailmark.motion import TranslationMotion
 from trailmark.planning.grid_path import shortest_grid_path
+from trailmark.planning.incumbent import Budget, OnProgress, vertices_of
 from trailmark.planning.lattice_schedule import AT_FIRST, AT_MOST, AT_SECOND, LatticeSchedule
 from trailmark.planning.model import Passed, WorldModel
 from trailmark.planning.placement import Placement, Rounds, improve
-from trailmark.planning.prover import Prover, in_time
-from trailmark.planning.query import Budget, OnProgress, Query, vertices_of
+from trailmark.planning.prover import Prover
+from trailmark.planning.query import Query
 from trailmark.planning.result import PlanResult, Status
 from trailmark.planning.shortening import without_needless
 from trailmark.proofs import LowerBound
+from trailmark.proofs.background import in_time
 from trailmark.proofs.mesh import shortest_point_path, triangulated
 from trailmark.proofs.region import Stop, ellipse, free_region
 from trailmark.roadmap import Roadmap

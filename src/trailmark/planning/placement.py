@@ -17,9 +17,11 @@ from trailmark.errors import ConfigurationError
 from trailmark.landmarks import k_means_landmarks, repair_centres
 from trailmark.landmarks.band import Band
 from trailmark.landmarks.paper import algorithm_2
+from trailmark.planning.growth import DUPLICATE, LLOYD_STEPS
+from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.lattice_schedule import LatticeSchedule
 from trailmark.planning.prover import Prover
-from trailmark.planning.query import PROMISING, Incumbent, Query
+from trailmark.planning.query import PROMISING, Query
 from trailmark.planning.verification import Verification
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
@@ -27,8 +29,6 @@ from trailmark.search.hybrid_astar import Targets, drive_to, hybrid_astar
 from trailmark.trajectories import CurvePath, Path, path_of
 
 __all__ = [
-    "DUPLICATE",
-    "LLOYD_STEPS",
     "Placement",
     "Redriving",
     "Rounds",
@@ -36,12 +36,6 @@ __all__ = [
     "path_over_landmarks",
     "published_landmarks",
 ]
-
-DUPLICATE = 0.05
-"""Shares of the inscribed disc's radius: a landmark nearer than that to a joined node is hardly another place."""
-
-LLOYD_STEPS = 3
-"""Of K-means: more move the centres by little."""
 
 WIDENINGS = (0.02, 0.05, 0.12, 0.3, 0.7, 1.5)
 """How much longer than the relaxed shortest path a band's paths may be, round by round; then without limit."""

@@ -17,8 +17,8 @@ from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.planning.batch import plan_batch
 from trailmark.planning.dispatch import plan_explained, replan
+from trailmark.planning.incumbent import GAP, Budget, OnProgress
 from trailmark.planning.model import WorldModel, WorldModels
-from trailmark.planning.query import GAP, Budget, OnProgress
 from trailmark.planning.replanning import ReplanOptions
 from trailmark.planning.result import PlanResult, ReplanResult, Update
 from trailmark.planning.settings import PlannerSettings

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import CONTACT, END_ZONE
+from trailmark.planning.incumbent import Budget
 from trailmark.planning.model import WorldModel, zones_at
-from trailmark.planning.query import Budget
 from trailmark.planning.result import PlanResult
 from trailmark.proofs.enclosure import enclosure
 from trailmark.proofs.region import MARGIN, local_origin, region_parts

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.motion import Motion
+from trailmark.planning.incumbent import Budget, Incumbent, vertices_of
 from trailmark.planning.lattice_schedule import LatticeSchedule
 from trailmark.planning.model import Passed, WorldModel
 from trailmark.planning.pipeline import WORTH_SHORTENING, known_path, plan_single
-from trailmark.planning.query import Budget, Incumbent, vertices_of
 from trailmark.planning.reasons import explained
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.shortening import shorten

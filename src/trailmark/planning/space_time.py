@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision.footprint import Footprint
-from trailmark.planning.query import Incumbent, vertices_of
+from trailmark.planning.incumbent import Incumbent, vertices_of
 from trailmark.planning.replanning import Replanner, Rest, as_replan, rest_of
 from trailmark.planning.result import ReplanResult
 from trailmark.se2 import FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 from trailmark.collision import StateChecker
 from trailmark.motion import Motion
 from trailmark.motion.one_way import straight_valid
-from trailmark.planning.query import Incumbent, OnProgress, report_error, vertices_of
+from trailmark.planning.incumbent import Incumbent, OnProgress, report_error, vertices_of
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.proofs.claims import contradicted
 from trailmark.roadmap import Roadmap

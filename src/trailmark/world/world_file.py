@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trailmark.errors import ConfigurationError, FormatError, ShapeError, WorldError
+from trailmark.formats.files import read_bytes, require_not_an_input, text_of, write_atomically
 from trailmark.formats.grid import CellObstacles, cells_of, packed_cells, unpacked_cells
 from trailmark.formats.robot_yaml import robot_fields
 from trailmark.formats.world_yaml import yaml_text
+from trailmark.formats.yaml_data import parse_yaml, with_rows
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world.estimates import ObstacleEstimate, RiskBound
 from trailmark.world.goals import Goal, Query
@@ -52,8 +54,6 @@ def read_world(path: Path) -> dict[str, Any]:
         FormatError: the file is missing, unreadable, too large (see :mod:`trailmark.formats.files` and
             :mod:`trailmark.formats.grid` for the limits), of no known format, or breaks its format's rules.
     """
-    from trailmark.formats.files import read_bytes
-
     fields = _read(read_bytes(path), path)
     if isinstance(fields.get("robot"), dict):
         fields["robot"] = Robot(**fields["robot"])
@@ -69,8 +69,6 @@ def save_world(world: Any, path: Path) -> None:
     Raises:
         OutputError: the path cannot be written, or is a file in another format that the world was read from.
     """
-    from trailmark.formats.files import require_not_an_input, write_atomically
-
     require_not_an_input(path, (source for source in world.sources if not _is_world_file(source)))
     write_atomically(path, world_text(world))
 
@@ -90,8 +88,6 @@ def _read(data: bytes, path: Path) -> dict[str, Any]:
 
         return read_png_grid(path)
 
-    from trailmark.formats.files import text_of
-
     text = text_of(data, path, FORMATS)
     if re.match(r"\s*type[ \t]", text):
         from trailmark.formats.movingai import read_movingai
@@ -101,8 +97,6 @@ def _read(data: bytes, path: Path) -> dict[str, Any]:
         from trailmark.formats.omplapp import read_cfg
 
         return read_cfg(text, path)
-
-    from trailmark.formats.yaml_data import parse_yaml, with_rows
 
     fields = with_rows(text, lambda part: parse_yaml(part, path))
     if not isinstance(fields, dict):

@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.prover import Background, in_time
+from trailmark.proofs.background import Background, in_time
 from trailmark.proofs.enclosure import enclosed
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
