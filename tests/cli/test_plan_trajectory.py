@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from trailmark.cli.plan_options import with_step
 
 from trailmark import se2
-from trailmark.cli.plan_options import with_step
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.shapes import Disc
