@@ -37,7 +37,7 @@ from trailmark.cli import (
     worlds,
 )
 from trailmark.cli.options import UsageError
-from trailmark.errors import InputWarning, InternalErrorWarning, TrailmarkError
+from trailmark.errors import InputWarning, InternalErrorWarning, TrailmarkError, expected_name
 
 __all__ = ["app", "main"]
 
@@ -81,10 +81,11 @@ COMMANDS: dict[str, Callable[..., None]] = {
 for _name, _command in COMMANDS.items():
     app.command(_name, cls=Command)(_command)
 app.add_typer(worlds.app, name="worlds")
-for _name, _command in {"show": worlds.show, "convert": worlds.convert, "schema": worlds.schema}.items():
-    worlds.app.command(_name, cls=Command)(_command)
 app.command("ros", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(ros.ros)
-app.command("warmup")(warmup.warmup)
+app.command("warmup", cls=Command)(warmup.warmup)
+worlds.app.command("show", cls=Command)(worlds.show)
+worlds.app.command("convert", cls=Command)(worlds.convert)
+worlds.app.command("schema", cls=Command)(worlds.schema)
 
 _COMPLETE = "_TRAILMARK_COMPLETE"
 """Set by the shell's completion script, which asks for the words that may come next."""
@@ -217,12 +218,16 @@ def _usage(error: Any, words: Sequence[str]) -> str:
     if type(error) is typer.BadParameter and error.param is not None:
         name = error.param.metavar if error.param.param_type_name == "argument" else max(error.param.opts, key=len)
         return f"{name}: {error.message}"
-    problem, path, command = error.format_message().rstrip("."), "trailmark", typer.main.get_command(app)
+    path, command = "trailmark", typer.main.get_command(app)
+    commands: dict[str, Any] = getattr(command, "commands", {})
     for word in words:
-        found = getattr(command, "commands", {}).get(word)
-        if found is None:
+        commands = getattr(command, "commands", {})
+        if word not in commands:
+            if commands and not word.startswith("-"):
+                return f"{path.partition(' ')[2] or 'command'}: {expected_name(word, commands)}"
             break
-        command, path = found, f"{path} {word}"
-    if "command" in problem and hasattr(command, "commands"):
-        return f"{problem}; expected {', '.join(command.commands)}"
-    return problem if "expected" in problem else f"{problem} (see '{path} --help')"
+        command, path = commands[word], f"{path} {word}"
+    problem = error.format_message().rstrip(".")
+    if problem == "Missing command":
+        return f"expected a command: {', '.join(commands)}, got nothing"
+    return problem if " expected " in f" {problem}" else f"{problem} (see '{path} --help')"

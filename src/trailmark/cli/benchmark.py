@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["benchmark"]
 
 DEFAULTS: dict[str, Any] = {"runs": 10, "time_limit": 1.0, "memory_limit": 4096}
-MANY = options.Count(low=1, high=1_000_000)
+MANY, MEGABYTES = options.Count(low=1, high=1_000_000), options.Count("MB", low=1, high=2**30)
 
 Public = tuple["PublicSuite", Path]
 """A public suite and the folder with its files."""
@@ -62,13 +62,13 @@ def benchmark(
         float | None, option("--time-limit", options.SECONDS, "Planning time of a run; default: 1.0.")
     ] = None,
     memory_limit: Annotated[
-        int | None, option("--memory-limit", options.Count("MB", 1, 2**30), "Memory limit of a run; default: 4096.")
+        int | None, option("--memory-limit", MEGABYTES, "Memory limit of a run; default: 4096.")
     ] = None,
     seed: Annotated[
         int, option("--seed", options.Count(high=2**31 - 1), "Seed of the first run, plus 1 for each further run.")
     ] = 0,
     workers: Annotated[
-        int | None, option("--workers", options.Count("N", 1, 1024), "Parallel runs on this machine; default: 1.")
+        int | None, option("--workers", options.Count(low=1, high=1024), "Parallel runs on this machine; default: 1.")
     ] = None,
     scheduler: Annotated[
         str | None, option("--scheduler", options.Kind("ADDRESS"), "Run on the Dask cluster at this address.")
@@ -142,7 +142,7 @@ def benchmark(
             ),
             runs=_setting(runs, given, "runs", MANY),
             time_limit=_setting(time_limit, given, "time_limit", options.SECONDS),
-            memory_limit=_setting(memory_limit, given, "memory_limit", options.Count("MB", 1, 2**30)),
+            memory_limit=_setting(memory_limit, given, "memory_limit", MEGABYTES),
             seed=seed,
             resolution=resolution,
         )

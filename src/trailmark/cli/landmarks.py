@@ -23,11 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["landmarks"]
 
 METHOD, INIT = options.Choice("paper", "se2"), options.Choice("forgy", "random-partition", "k-means++")
-SAMPLES, COUNT, RUNS = (
-    options.Count(low=1, high=10_000_000),
-    options.Count("K", 1, 20_000),
-    options.Count("N", 1, 10_000),
-)
+COUNT, RUNS = options.Count("K", low=1, high=20_000), options.Count(low=1, high=10_000)
+SAMPLES = options.Count(low=1, high=10_000_000)  # 160 MB of points
 SENSOR_RANGE = 12.0  # metres, as in trailmark.landmarks.executions
 PATHS = 4  # queries that paths over the landmarks are sought for, at most
 

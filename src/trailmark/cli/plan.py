@@ -268,8 +268,9 @@ def _read_settings(file: Path | None) -> tuple[PlannerSettings, dict[str, Any]]:
     from trailmark.errors import ConfigurationError, FormatError, expected_name
     from trailmark.formats.files import read_text
 
+    text = read_text(file)
     try:
-        found: Any = yaml.safe_load(read_text(file))
+        found: Any = yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise FormatError(file, f"expected YAML, got {' '.join(str(error).split())}") from None
     if not isinstance(found, dict):
