@@ -181,7 +181,7 @@ class FakePlanner:
     def plan(
         self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None, stop: Any = None, **others: Any
     ) -> Any:
-        type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit})
+        type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit} | others)
         if start[0] < 0:
             raise ConfigurationError(f"start {start} is out of bounds by {-start[0]:g} m")
         type(self).stop = staticmethod(stop)

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["plan"]
 
 EXIT_STATUS = {"solved": 0, "timeout": 3, "infeasible": 4}
-PLAN_SETTINGS = ("gap", "max_iterations", "frame_id")
+PLAN_SETTINGS = {"gap": options.FACTOR, "max_iterations": options.Count(low=1), "frame_id": options.FRAME}
+"""What a settings file may say of one plan, beside the planner's settings."""
 LANDMARKS = options.Count("K", low=1, high=200_000)  # half a minute
 
 
@@ -279,9 +280,9 @@ def _read_settings(file: Path | None) -> tuple[PlannerSettings, dict[str, Any]]:
     for name in found:
         if name not in names:
             raise FormatError(file, f"setting: {expected_name(str(name), names)}")
-    asked = {name: found.pop(name) for name in PLAN_SETTINGS if name in found}
+    kinds = PLAN_SETTINGS.items()
+    asked = {name: kind(str(found.pop(name)), f"{file}: {name}") for name, kind in kinds if name in found}
     try:
-        options.FRAME(str(asked.get("frame_id", "map")), f"{file}: frame_id")
         return PlannerSettings(**found), asked
     except ConfigurationError as error:
         raise FormatError(file, str(error)) from None
