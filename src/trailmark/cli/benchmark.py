@@ -33,8 +33,7 @@ Public = tuple["PublicSuite", Path]
 class ResolutionKind(options.Kind):
     """The spacing of the states that OMPL's discrete validation checks."""
 
-    def read(self, text: str) -> Resolution:
-        """Return the spacing."""
+    def _read(self, text: str) -> Resolution:
         from trailmark.benchmark.resolution import Resolution
 
         return Resolution.parse(text)
@@ -45,55 +44,46 @@ def benchmark(
     planners: Annotated[
         list[str] | None,
         option(
-            "--planner",
             options.NAME,
             "landmark, roadmap, roadmap-uniform, lattice, paper, a planner of OMPL (PRM, RRTstar, …), PRM+certified "
             "(with certified motions), native:PRM (in C++), module:function (your own), or all. Parameters "
             "follow a colon: RRTConnect:range=2. Repeat it for several.",
             "-p",
+            "--planner",
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        option("--output", options.OutputFile(metavar="RESULTS.db"), "Results database to create or add to."),
+        Path | None, option(options.OutputFile(metavar="RESULTS.db"), "Results database to create or add to.")
     ] = None,
-    runs: Annotated[int | None, option("--runs", MANY, "Runs of each planner on each problem; default: 10.")] = None,
-    time_limit: Annotated[
-        float | None, option("--time-limit", options.SECONDS, "Planning time of a run; default: 1.0.")
-    ] = None,
-    memory_limit: Annotated[
-        int | None, option("--memory-limit", MEGABYTES, "Memory limit of a run; default: 4096.")
-    ] = None,
+    runs: Annotated[int | None, option(MANY, "Runs of each planner on each problem; default: 10.")] = None,
+    time_limit: Annotated[float | None, option(options.SECONDS, "Planning time of a run; default: 1.0.")] = None,
+    memory_limit: Annotated[int | None, option(MEGABYTES, "Memory limit of a run; default: 4096.")] = None,
     seed: Annotated[
-        int, option("--seed", options.Count(high=2**31 - 1), "Seed of the first run, plus 1 for each further run.")
+        int, option(options.Count(high=2**31 - 1), "Seed of the first run, plus 1 for each further run.")
     ] = 0,
     workers: Annotated[
-        int | None, option("--workers", options.Count(low=1, high=1024), "Parallel runs on this machine; default: 1.")
+        int | None, option(options.Count(low=1, high=1024), "Parallel runs on this machine; default: 1.")
     ] = None,
     scheduler: Annotated[
-        str | None, option("--scheduler", options.Kind("ADDRESS"), "Run on the Dask cluster at this address.")
+        str | None, option(options.Kind("ADDRESS"), "Run on the Dask cluster at this address.")
     ] = None,
     as_json: options.JsonOption = False,
     query: Annotated[
         list[str] | None,
-        option("--query", options.NAME, "Query of the worlds; default: all. Repeat it for several.", group="Problems"),
+        option(options.NAME, "Query of the worlds; default: all. Repeat it for several.", group="Problems"),
     ] = None,
     suite: Annotated[
         str | None,
         option(
-            "--suite",
-            options.NAME,
-            "Public suite (see --list-suites), or file of worlds, planners and limits.",
-            group="Problems",
+            options.NAME, "Public suite (see --list-suites), or file of worlds, planners and limits.", group="Problems"
         ),
     ] = None,
     data: Annotated[
-        str | None,
-        option("--data", options.Kind("DIR"), "Folder with the files of the public suite.", group="Problems"),
+        str | None, option(options.Kind("DIR"), "Folder with the files of the public suite.", group="Problems")
     ] = None,
     count: Annotated[
         int | None,
-        option("--problems", MANY, "Number of problems, spread evenly over the suite; default: all.", group="Problems"),
+        option(MANY, "Number of problems, spread evenly over the suite; default: all.", "--problems", group="Problems"),
     ] = None,
     list_suites: Annotated[
         bool, flag("--list-suites", "List the public suites and their sources.", "Problems")
@@ -105,7 +95,6 @@ def benchmark(
     resolution: Annotated[
         Any,
         option(
-            "--resolution",
             ResolutionKind("METRES|PERCENT%"),
             "Spacing of the states that OMPL's discrete motion validation checks, in metres or as a share of the "
             "robot's inscribed radius; default: 10%, native planners 5%.",

@@ -37,23 +37,15 @@ def check(
     path: Annotated[
         Path,
         argument(
-            "PATH",
-            "Path to check: JSON, CSV, rows 'x y theta', or nav_msgs/Path as YAML or JSON.",
-            options.InputFile(),
+            "PATH", "Path to check: JSON, CSV, rows 'x y theta', or nav_msgs/Path as YAML or JSON.", options.InputFile()
         ),
     ],
     robot: options.RobotOption = None,
     repair: Annotated[
         Path | None,
-        option(
-            "--repair",
-            options.PATH_FILE,
-            "Write the path with its colliding parts replanned, in a format of plan's --output.",
-        ),
+        option(options.PATH_FILE, "Write the path with its colliding parts replanned, in a format of plan's --output."),
     ] = None,
-    time_limit: Annotated[
-        float, option("--time-limit", options.SECONDS, "Planning time for each part replanned by --repair.")
-    ] = 1.0,
+    time_limit: Annotated[float, option(options.SECONDS, "Planning time for each part replanned by --repair.")] = 1.0,
     seed: options.SeedOption = 0,
     plot: options.PlotOption = None,
     as_json: options.JsonOption = False,

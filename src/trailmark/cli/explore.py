@@ -47,10 +47,8 @@ def _kept(name: str, help: str) -> Any:  # noqa: A002  # typer's name
 
 def explore(
     world: Annotated[Text, argument("WORLD", "The simulated world, as for plan; not needed with --resume.")] = None,
-    output: Annotated[
-        Text, options.option("--output", Kind("DIR"), "Folder for the results; created if missing.")
-    ] = None,
-    resume: Annotated[Text, options.option("--resume", Kind("DIR"), "Continue the exploration in this folder.")] = None,
+    output: Annotated[Text, options.option(Kind("DIR"), "Folder for the results; created if missing.")] = None,
+    resume: Annotated[Text, options.option(Kind("DIR"), "Continue the exploration in this folder.")] = None,
     robot: Annotated[Text, _kept("robot", "Footprint in metres, instead of the world's robot; as for plan.")] = None,
     start: Annotated[Text, _kept("start", "Start pose in metres and radians; degrees as in 1,2,90deg.")] = None,
     sensor: Annotated[Text, _kept("sensor", "Laser, or detections of discs; default: laser.")] = None,
@@ -64,11 +62,9 @@ def explore(
     noise: Annotated[Text, _kept("noise", "Factor on the noise of odometry and sensor; 0 is none; default: 1.")] = None,
     seed: Annotated[Text, _kept("seed", "Random seed; default: 0.")] = None,
     time_limit: Annotated[
-        float, options.option("--time-limit", options.SECONDS, "Time limit on the simulated robot's clock.")
+        float, options.option(options.SECONDS, "Time limit on the simulated robot's clock.")
     ] = math.inf,
-    max_distance: Annotated[
-        float, options.option("--max-distance", options.METRES, "Maximum distance to drive.")
-    ] = math.inf,
+    max_distance: Annotated[float, options.option(options.METRES, "Maximum distance to drive.")] = math.inf,
     return_home: Annotated[bool, flag("--return-home", "Drive back to the start at the end.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:

@@ -31,17 +31,15 @@ PATHS = 4  # queries that paths over the landmarks are sought for, at most
 
 def landmarks(
     world: options.WorldArgument,
-    method: Annotated[Any, option("--method", METHOD, "Algorithm 2 as published, or trailmark's own.")] = "paper",
+    method: Annotated[Any, option(METHOD, "Algorithm 2 as published, or trailmark's own.")] = "paper",
     k: Annotated[
-        int | None, option("-k", COUNT, "Number of landmarks; default: chosen from the sensor's range.")
+        int | None, option(COUNT, "Number of landmarks; default: chosen from the sensor's range.", "-k")
     ] = None,
-    n: Annotated[int, option("-n", SAMPLES, "Number of sampled points.")] = 1000,
-    init: Annotated[Any, option("--init", INIT, "Initial K-means centres.")] = "forgy",
-    runs: Annotated[int, option("--runs", RUNS, "Number of executions, with independent noise.")] = 3,
+    n: Annotated[int, option(SAMPLES, "Number of sampled points.", "-n")] = 1000,
+    init: Annotated[Any, option(INIT, "Initial K-means centres.")] = "forgy",
+    runs: Annotated[int, option(RUNS, "Number of executions, with independent noise.")] = 3,
     seed: options.SeedOption = 0,
-    sensor_range: Annotated[
-        float, option("--sensor-range", options.METRES, "Range of the robot's sensor.")
-    ] = SENSOR_RANGE,
+    sensor_range: Annotated[float, option(options.METRES, "Range of the robot's sensor.")] = SENSOR_RANGE,
     grow_boxes: Annotated[
         bool, flag("--grow-boxes", "Grow the obstacles' boxes by the robot's inscribed radius.")
     ] = False,

@@ -22,8 +22,7 @@ class Token(Kind):
 
     allowed: str = "8 to 200 letters, digits and signs"
 
-    def read(self, text: str) -> str:
-        """Return the secret."""
+    def _read(self, text: str) -> str:
         if not (text.isascii() and text.isprintable() and 8 <= len(text) <= 200):
             raise ValueError
         return text
@@ -33,11 +32,11 @@ def live(
     world: Annotated[str, argument("WORLD", "World file, as for plan, or name of a shipped world.")] = "office",
     robot: options.RobotOption = None,
     host: Annotated[
-        str, option("--host", Kind("ADDRESS"), "Address to listen on; other than this machine it needs --token.")
+        str, option(Kind("ADDRESS"), "Address to listen on; other than this machine it needs --token.")
     ] = "127.0.0.1",
-    port: Annotated[int, option("--port", options.Count(high=65535), "Port to listen on; 0 picks a free one.")] = 8765,
+    port: Annotated[int, option(options.Count(high=65535), "Port to listen on; 0 picks a free one.")] = 8765,
     token: Annotated[
-        str | None, option("--token", Token(), "Secret that the browser must send; part of the printed address.")
+        str | None, option(Token(), "Secret that the browser must send; part of the printed address.")
     ] = None,
     no_browser: Annotated[bool, flag("--no-browser", "Print the address without opening a browser.")] = False,
     seed: options.SeedOption = 0,

@@ -33,17 +33,14 @@ def map_log(
             "g2o graph, or a ROS bag; text may be gzipped.",
         ),
     ],
-    output: Annotated[
-        Path, option("--output", OutputFile(".yaml", ".yml", metavar="WORLD.yaml"), "The world file to write.")
-    ],
+    output: Annotated[Path, option(OutputFile(".yaml", ".yml", metavar="WORLD.yaml"), "The world file to write.")],
     form: Annotated[
         str | None,
-        option("--format", options.NAME, "jsonl, mrclam, carmen, victoria, g2o or rosbag; default: by the content."),
+        option(options.NAME, "jsonl, mrclam, carmen, victoria, g2o or rosbag; default: by the content.", "--format"),
     ] = None,
     confidence: Annotated[
         float | None,
         option(
-            "--confidence",
             options.PROBABILITY,
             "Grow the obstacles so that a valid path meets none with probability P; default: as measured.",
         ),
@@ -52,14 +49,12 @@ def map_log(
         bool, flag("--even-if-uncertain", "Grow them by --confidence though the map is not certified.")
     ] = False,
     robot: Annotated[
-        RobotSpec,
-        option("--robot", options.ROBOT, "Stored in the world: disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;…"),
+        RobotSpec, option(options.ROBOT, "Stored in the world: disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;…")
     ] = ROBOT,
     plot: PlotOption = None,
     trajectory: Annotated[
         Path | None,
         option(
-            "--trajectory",
             OutputFile(".tum", ".txt", metavar="FILE.tum"),
             "Write where the robot was: rows t x y 0 0 0 qz qw, for evo.",
         ),
@@ -67,7 +62,6 @@ def map_log(
     nav2: Annotated[
         Path | None,
         option(
-            "--nav2",
             OutputFile(".yaml", ".yml", metavar="MAP.yaml"),
             "Write the map for nav2 too: MAP.yaml and MAP.pgm beside it.",
         ),
@@ -77,19 +71,16 @@ def map_log(
     poses: Annotated[
         str | None,
         option(
-            "--poses",
             options.Kind("FROM"),
             "match (scans), slam (EKF), log (as it states them), or odometry (it drifts); default: auto, by the log.",
         ),
     ] = None,
     start: Annotated[
-        Pose | None,
-        option("--start", options.POSE, "Where the robot stood first; default: as the log says, or 0,0,0."),
+        Pose | None, option(options.POSE, "Where the robot stood first; default: as the log says, or 0,0,0.")
     ] = None,
     frame: Annotated[
         str | None,
         option(
-            "--frame",
             options.NAME,
             "What covariances of detected obstacles are relative to: start (default with --start), or map, for a robot "
             "that localises on them.",
@@ -97,11 +88,7 @@ def map_log(
     ] = None,
     settings: Annotated[
         str | None,
-        option(
-            "--settings",
-            options.Kind("FILE.yaml"),
-            "Noise, association, radius, cells, …: lines 'name: value' of MapSettings.",
-        ),
+        option(options.Kind("FILE.yaml"), "Noise, association, radius, cells, …: lines 'name: value' of MapSettings."),
     ] = None,
 ) -> None:
     """Turn a sensor log into a world: what was detected becomes discs, what lasers scanned walls, discs and heaps.

@@ -33,8 +33,7 @@ class Kind:
     allowed: str = "text"
     __name__ = "value"  # older typer asks for it
 
-    def read(self, text: str) -> Any:
-        """Return the value; raises ValueError if the text is not allowed, or a TrailmarkError that says why."""
+    def _read(self, text: str) -> Any:
         return text
 
     def __call__(self, given: Any, option: str | None = None) -> Any:
@@ -42,7 +41,7 @@ class Kind:
         if not isinstance(given, str):
             return given
         try:
-            return self.read(given)
+            return self._read(given)
         except TrailmarkError as error:
             problem = str(error)
         except ValueError:
@@ -58,8 +57,7 @@ class Number(Kind):
     low: float = -math.inf
     high: float = math.inf
 
-    def read(self, text: str) -> float:
-        """Return the number."""
+    def _read(self, text: str) -> float:
         value = float(text)
         if not (math.isfinite(value) and value > self.above and self.low <= value <= self.high):
             raise ValueError
@@ -77,8 +75,7 @@ class Count(Kind):
     def __post_init__(self) -> None:
         object.__setattr__(self, "allowed", f"an integer from {self.low} to {self.high}")
 
-    def read(self, text: str) -> int:
-        """Return the integer."""
+    def _read(self, text: str) -> int:
         if not self.low <= (value := int(text)) <= self.high:
             raise ValueError
         return value
@@ -90,8 +87,7 @@ class Choice(Kind):
     def __init__(self, *names: str) -> None:
         super().__init__("|".join(names), ", ".join(names))
 
-    def read(self, text: str) -> str:
-        """Return the name."""
+    def _read(self, text: str) -> str:
         names = self.allowed.split(", ")
         if text not in names:
             raise TrailmarkError(expected_name(text, names))
@@ -104,8 +100,7 @@ class OutputFile(Kind):
     def __init__(self, *suffixes: str, metavar: str = "FILE") -> None:
         super().__init__(metavar, ", ".join(suffixes))
 
-    def read(self, text: str) -> Path:
-        """Return the file."""
+    def _read(self, text: str) -> Path:
         from trailmark.formats.files import check_writable
 
         check_writable(file := Path(text), tuple(self.allowed.split(", ")) if self.allowed else ())
@@ -115,16 +110,14 @@ class OutputFile(Kind):
 class InputFile(Kind):
     """A file to be read, which is looked at by what reads it."""
 
-    def read(self, text: str) -> Path:
-        """Return the file."""
+    def _read(self, text: str) -> Path:
         return Path(text)
 
 
 class FrameName(Kind):
     """The name of a coordinate frame."""
 
-    def read(self, text: str) -> str:
-        """Return the name."""
+    def _read(self, text: str) -> str:
         if not text or any(c.isspace() or not c.isprintable() for c in text):
             raise ValueError
         return text
@@ -141,8 +134,7 @@ class Pose(NamedTuple):
 class PoseKind(Kind):
     """``X,Y,T``; T in radians, or in degrees as in ``90deg``."""
 
-    def read(self, text: str) -> Pose | Position:
-        """Return the pose; a heading in radians beyond a full turn is warned of."""
+    def _read(self, text: str) -> Pose | Position:
         from trailmark.arguments import angle
 
         x, y, heading = text.split(",")
@@ -169,10 +161,9 @@ class Position(NamedTuple):
 class GoalKind(PoseKind):
     """``X,Y,T``, or ``X,Y`` for any heading."""
 
-    def read(self, text: str) -> Pose | Position:
-        """Return the goal."""
+    def _read(self, text: str) -> Pose | Position:
         if text.count(",") != 1:
-            return super().read(text)
+            return super()._read(text)
         position = Position(*map(float, text.split(",")))
         if not all(map(math.isfinite, position)):
             raise ValueError
@@ -189,8 +180,7 @@ class Tolerance(NamedTuple):
 class ToleranceKind(Kind):
     """``METRES[,RADIANS]``."""
 
-    def read(self, text: str) -> Tolerance:
-        """Return the tolerance."""
+    def _read(self, text: str) -> Tolerance:
         from trailmark.arguments import angle
 
         metres, comma, heading = text.partition(",")
@@ -219,8 +209,7 @@ class SpeedLimits(NamedTuple):
 class LimitsKind(Kind):
     """The first few numbers of :class:`SpeedLimits`."""
 
-    def read(self, text: str) -> SpeedLimits:
-        """Return the limits."""
+    def _read(self, text: str) -> SpeedLimits:
         values = [float(word) for word in text.split(",")]
         if len(values) > 4 or not all(1e-6 <= value <= 1e6 for value in values):
             raise ValueError
@@ -237,8 +226,7 @@ class RobotSpec(NamedTuple):
 class RobotKind(Kind):
     """A footprint, or a YAML file that holds one."""
 
-    def read(self, text: str) -> RobotSpec:
-        """Return the robot."""
+    def _read(self, text: str) -> RobotSpec:
         from trailmark.robot import Robot
 
         file = Path(text)
@@ -267,9 +255,12 @@ PATH_FILE = OutputFile(".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2
 SETTINGS = InputFile("FILE.yaml")
 
 
-def option(name: str, kind: Kind, help: str, *aliases: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name
-    """Return an option of a kind, for ``Annotated``; ``group`` is its heading in the help."""
-    return typer.Option(*aliases, name, parser=kind, metavar=kind.metavar, help=help, rich_help_panel=group)
+def option(kind: Kind, help: str, *names: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name
+    """Return an option of a kind, for ``Annotated``; it has the parameter's name, or those given.
+
+    ``group`` is its heading in the help.
+    """
+    return typer.Option(*names, parser=kind, metavar=kind.metavar, help=help, rich_help_panel=group)
 
 
 def flag(name: str, help: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name
@@ -291,29 +282,24 @@ WorldArgument = Annotated[
 RobotOption = Annotated[
     RobotSpec | None,
     option(
-        "--robot",
         ROBOT,
         "Footprint in metres, instead of the world's robot: disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y, "
         "nav2's '[[x, y], ...]', or a .yaml file (of a robot, a world, or nav2's parameters).",
     ),
 ]
-StartOption = Annotated[
-    Pose | None, option("--start", POSE, "Start pose in metres and radians; degrees as in 1,2,90deg.")
-]
-TimeLimitOption = Annotated[float, option("--time-limit", SECONDS, "Planning time.")]
-SeedOption = Annotated[int, option("--seed", SEED, "Random seed.")]
+StartOption = Annotated[Pose | None, option(POSE, "Start pose in metres and radians; degrees as in 1,2,90deg.")]
+TimeLimitOption = Annotated[float, option(SECONDS, "Planning time.")]
+SeedOption = Annotated[int, option(SEED, "Random seed.")]
 DriveOption = Annotated[
-    str | None,
-    option("--drive", DRIVE, "How it moves; differential turns in place and drives along its heading.", group="Robot"),
+    str | None, option(DRIVE, "How it moves; differential turns in place and drives along its heading.", group="Robot")
 ]
 TurningRadiusOption = Annotated[
-    float | None,
-    option("--turning-radius", RADIUS, "Minimum turning radius; makes the robot a car.", group="Robot"),
+    float | None, option(RADIUS, "Minimum turning radius; makes the robot a car.", group="Robot")
 ]
 ForwardOnlyOption = Annotated[
     bool, flag("--forward-only", "Never drive in reverse (car or differential drive).", "Robot")
 ]
-PlotOption = Annotated[Path | None, option("--plot", PICTURE, "Write a picture: .png, .svg or .pdf.")]
+PlotOption = Annotated[Path | None, option(PICTURE, "Write a picture: .png, .svg or .pdf.")]
 JsonOption = Annotated[bool, flag("--json", "Print the result as one JSON object on stdout.")]
 
 

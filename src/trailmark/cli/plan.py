@@ -33,21 +33,16 @@ LANDMARKS = options.Count("K", low=1, high=200_000)  # half a minute
 def plan(
     world: options.WorldArgument,
     robot: options.RobotOption = None,
-    query: Annotated[str | None, option("--query", options.NAME, "Query of the world; default: the first.")] = None,
+    query: Annotated[str | None, option(options.NAME, "Query of the world; default: the first.")] = None,
     start: options.StartOption = None,
     goal: Annotated[
         list[Any] | None,
-        option(
-            "--goal",
-            options.GOAL,
-            "Goal pose, or position with any heading. Repeat it for alternatives: one is reached.",
-        ),
+        option(options.GOAL, "Goal pose, or position with any heading. Repeat it for alternatives: one is reached."),
     ] = None,
     time_limit: options.TimeLimitOption = 1.0,
     output: Annotated[
         Path | None,
         option(
-            "--output",
             options.PATH_FILE,
             "Write the path: .json (the full result), .csv, .path or .txt (rows 'x y theta'), .yaml or .nav2.json "
             "(nav_msgs/Path), or .geojson.",
@@ -56,12 +51,9 @@ def plan(
     plot: options.PlotOption = None,
     as_json: options.JsonOption = False,
     seed: options.SeedOption = 0,
-    landmarks: Annotated[
-        int | None, option("--landmarks", LANDMARKS, "Landmarks of the roadmap; default: by world.")
-    ] = None,
+    landmarks: Annotated[int | None, option(LANDMARKS, "Landmarks of the roadmap; default: by world.")] = None,
     goal_tolerance: Annotated[
-        Tolerance | None,
-        option("--goal-tolerance", options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query"),
+        Tolerance | None, option(options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query")
     ] = None,
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
@@ -69,7 +61,6 @@ def plan(
     limits: Annotated[
         SpeedLimits | None,
         option(
-            "--limits",
             options.LIMITS,
             "Maximum speed (m/s), acceleration (m/s²), turn rate (rad/s) and turn acceleration (rad/s²), for "
             "trajectories and the objective time; default: 1,0.5,1 and no limit.",
@@ -79,7 +70,6 @@ def plan(
     objective: Annotated[
         str | None,
         option(
-            "--objective",
             options.NAME,
             "Cost to minimise: length (default), time, clearance (length, costlier near obstacles), or weights such as "
             "length=1,clearance=3,decay=0.4. By default a car that reverses also pays 3 m for a change of direction "
@@ -89,12 +79,7 @@ def plan(
     ] = None,
     clearance: Annotated[
         float | None,
-        option(
-            "--clearance",
-            options.CLEARANCE,
-            "Minimum clearance to obstacles and bounds along the whole path.",
-            group="Objective",
-        ),
+        option(options.CLEARANCE, "Minimum clearance to obstacles and bounds along the whole path.", group="Objective"),
     ] = None,
     relax: Annotated[
         bool, flag("--relax", "If no path keeps --clearance, plan with the largest feasible one.", "Objective")
@@ -102,7 +87,6 @@ def plan(
     settings: Annotated[
         Path | None,
         option(
-            "--settings",
             options.SETTINGS,
             "Lines 'name: value': gap (stop once the cost is proven within this share of the optimum), max_iterations "
             "(of planning; with time enough for them, the same seed gives the same path), frame_id (in messages), and "
@@ -115,13 +99,11 @@ def plan(
         flag("--smooth", "Round the path's corners where a certified curve fits; the robot stops at others.", "Output"),
     ] = False,
     step: Annotated[
-        float | None,
-        option("--step", options.METRES, "Maximum spacing of waypoints in the written path.", group="Output"),
+        float | None, option(options.METRES, "Maximum spacing of waypoints in the written path.", group="Output")
     ] = None,
     trajectory: Annotated[
         Path | None,
         option(
-            "--trajectory",
             options.OutputFile(".csv", ".yaml", ".yml", ".nav2.json"),
             "Write the time-optimal trajectory along the path: .csv (time, pose, velocity), or nav_msgs/Trajectory "
             "(.yaml, .nav2.json).",
@@ -129,8 +111,7 @@ def plan(
         ),
     ] = None,
     animate: Annotated[
-        Path | None,
-        option("--animate", options.OutputFile(".gif"), "Write an animation of the trajectory: .gif.", group="Output"),
+        Path | None, option(options.OutputFile(".gif"), "Write an animation of the trajectory: .gif.", group="Output")
     ] = None,
 ) -> None:
     """Plan a path in a world.

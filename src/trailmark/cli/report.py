@@ -14,8 +14,7 @@ __all__ = ["report"]
 def report(
     results: Annotated[Path, argument("RESULTS.db", "Results database of trailmark benchmark.", options.InputFile())],
     html: Annotated[
-        Path | None,
-        option("--html", options.OutputFile(".html", ".htm"), "Write a self-contained HTML page: .html or .htm."),
+        Path | None, option(options.OutputFile(".html", ".htm"), "Write a self-contained HTML page: .html or .htm.")
     ] = None,
 ) -> None:
     """Summarise benchmark results.

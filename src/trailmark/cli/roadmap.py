@@ -20,15 +20,14 @@ def roadmap(
     output: Annotated[
         Path,
         option(
-            "--output",
             ROADMAP_FILE,
             "The file to write: .geojson (nav2's route server), .graphml (networkx) or .npz (Roadmap.load).",
         ),
     ],
-    count: Annotated[int, option("-k", LANDMARKS, "Number of landmarks.")] = 200,
+    count: Annotated[int, option(LANDMARKS, "Number of landmarks.", "-k")] = 200,
     robot: options.RobotOption = None,
     seed: options.SeedOption = 0,
-    frame_id: Annotated[str, option("--frame-id", options.FRAME, "Coordinate frame named in GeoJSON.")] = "map",
+    frame_id: Annotated[str, option(options.FRAME, "Coordinate frame named in GeoJSON.")] = "map",
     as_json: options.JsonOption = False,
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
