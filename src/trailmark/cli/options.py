@@ -132,23 +132,18 @@ class Pose(NamedTuple):
 
 
 class PoseKind(Kind):
-    """``X,Y,T``; T in radians, or in degrees as in ``90deg``."""
+    """``X,Y,T``; T in radians, or in degrees as in ``90deg``; it is warned of a number that looks like degrees."""
 
     def _read(self, text: str) -> Pose | Position:
-        from trailmark.arguments import angle
+        from trailmark.arguments import angle, warn_of_degrees
 
         x, y, heading = text.split(",")
         pose = Pose(float(x), float(y), angle(heading))
         if not all(map(math.isfinite, pose)):
             raise ValueError
-        if abs(pose.theta) <= 2.0 * math.pi:
-            return pose
         if "deg" not in heading:
-            console.warn(
-                f"{text!r}: the heading {pose.theta:g} is taken as radians; if it is in degrees, give {heading}deg"
-            )
-        # Else it is warned of again where it is used.
-        return pose._replace(theta=math.remainder(pose.theta, 2.0 * math.pi))
+            warn_of_degrees(pose.theta, repr(text))
+        return pose._replace(theta=math.remainder(pose.theta, 2.0 * math.pi))  # else it is warned of again
 
 
 class Position(NamedTuple):
