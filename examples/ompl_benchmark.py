@@ -17,7 +17,7 @@ from ompl import geometric as og
 from ompl import tools as ot
 
 from trailmark import World
-from trailmark.ompl_bridge import LandmarkPlanner, SE2Problem, planning
+from trailmark.ompl_bridge import OmplLandmarkPlanner, SE2Problem, planning
 
 world = World.load(sys.argv[1] if len(sys.argv) > 1 else "office")
 folder = Path(sys.argv[2] if len(sys.argv) > 2 else mkdtemp())
@@ -27,7 +27,7 @@ benchmark = ot.Benchmark(problem.setup, world.name)
 benchmark.addPlanner(og.RRTConnect(problem.information))
 benchmark.addPlanner(og.PRM(problem.information))
 # Each run is to start from nothing, as the others' do.
-benchmark.addPlanner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
+benchmark.addPlanner(OmplLandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
 
 # %%
 # Ctrl-C and errors in callbacks are raised at the end of the block.

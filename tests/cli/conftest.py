@@ -6,7 +6,6 @@ import os
 import pty
 import subprocess
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -14,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import typer
-from tests.support.forks import Forks, complaints
 
 import trailmark
 from trailmark.cli import app, main
@@ -80,22 +78,6 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
 
 
 TERMINAL = {"TERM": "xterm-256color", "COLUMNS": "100"}
-ON_TERMINAL = """
-import os
-from trailmark.cli import console
-os.dup2(os.open(os.environ.pop("TRAILMARK_TEST_TERMINAL"), os.O_RDWR | os.O_NOCTTY), 2)
-console._PATIENCE = 0.0
-"""
-"""How a program of ``forked_terminal`` begins: its stderr is the terminal that the environment names.
-
-What it does is shown from the first moment, so that a fast machine shows it as well.
-"""
-MAIN = """
-import sys
-from trailmark.cli import main
-sys.exit(main(sys.argv[1:]))
-"""
-"""The command itself, for ``forked_terminal``."""
 
 
 def shown_on(outside: int) -> str:
@@ -124,25 +106,6 @@ def terminal(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Run]:
         os.close(inside)
         shown = shown_on(outside)
         return Run(process.wait(), stdout.read_text(), shown)
-
-    return run
-
-
-@pytest.fixture
-def forked_terminal(forks: Forks) -> Callable[..., Run]:
-    """Run a program (text) with arguments as ``terminal`` does, in a process that has everything imported."""
-
-    def run(program: str, *words: object) -> Run:
-        outside, inside = pty.openpty()
-        environment = os.environ | TERMINAL | {"TRAILMARK_TEST_TERMINAL": os.ttyname(inside)}
-        with ThreadPoolExecutor(1) as reader:
-            shown = reader.submit(shown_on, outside)
-            try:
-                done = forks.run(["-c", ON_TERMINAL + program, *map(str, words)], timeout=300.0, env=environment)
-            finally:
-                os.close(inside)
-            done.stderr = shown.result()
-            return Run(done.returncode, done.stdout, complaints(done))
 
     return run
 
@@ -181,7 +144,7 @@ class FakePlanner:
     def plan(
         self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None, stop: Any = None, **others: Any
     ) -> Any:
-        type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit})
+        type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit} | others)
         if start[0] < 0:
             raise ConfigurationError(f"start {start} is out of bounds by {-start[0]:g} m")
         type(self).stop = staticmethod(stop)

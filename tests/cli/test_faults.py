@@ -92,7 +92,7 @@ def commands(tmp_path: Path, yard: Path, planner: Any) -> dict[str, list[object]
     results = random_results(tmp_path / "results.db", ["landmark", "PRM"], problems=1, runs=3)
     out = tmp_path / "out"
     return {
-        "plan": ["plan", yard, "--output", out / "path.json", "--plot", out / "path.png", "--layers", "path"],
+        "plan": ["plan", yard, "--output", out / "path.json", "--plot", out / "path.png"],
         "csv": ["plan", yard, "--output", out / "path.csv"],
         "convert": ["worlds", "convert", yard, out / "world.yaml"],
         "map": ["map", log, "--output", out / "map.yaml"],

@@ -175,9 +175,9 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (["--confidence", "1"], "expected a probability above 0 and below 1, got --confidence '1'"),
-        (["--confidence", "high"], "expected a probability above 0 and below 1, got --confidence 'high'"),
-        (["--robot", "disc"], "expected disc:RADIUS, "),
+        (["--confidence", "1"], "--confidence: expected a probability above 0 and below 1, got '1'"),
+        (["--confidence", "high"], "--confidence: expected a probability above 0 and below 1, got 'high'"),
+        (["--robot", "disc"], "--robot: expected disc:RADIUS, "),
         (
             ["--format", "carmn"],
             "yard.jsonl: format: expected carmen, g2o, jsonl, mrclam, rosbag, victoria, got 'carmn'",
@@ -187,8 +187,8 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
             ["--poses", "odometry"],
             "yard.jsonl: poses: expected what the log holds for detections (slam)",
         ),
-        (["--start", "1,2"], "expected X,Y,T, finite numbers"),
-        (["--plot", "map.gif"], "map.gif: suffix: expected .pdf, .png, .svg, got '.gif'"),
+        (["--start", "1,2"], "--start: expected X,Y,T, finite numbers"),
+        (["--plot", "map.gif"], "--plot: map.gif: suffix: expected .pdf, .png, .svg, got '.gif'"),
     ],
 )
 def test_bad_options(shell: Shell, log: Path, tmp_path: Path, words: list[str], problem: str) -> None:

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,69 +15,68 @@ from typing import Any
 import pytest
 
 import trailmark
+from trailmark.cli import console
+from trailmark.errors import InternalErrorWarning
 
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
 COMMAND = [sys.executable, "-m", "trailmark.cli"]
 
 
-def python(program: str, **how: Any) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, **how)
+def python(program: str, *words: str, **how: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=False, **how)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("typed", "offered"), [("trailmark wo", ["worlds"]), ("trailmark plan --turn", ["--turning-radius"])]
-)
-def test_words_are_completed(typed: str, offered: list[str]) -> None:
-    asked = {"_TRAILMARK_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
+def test_words_are_completed() -> None:
+    asked = {"_TRAILMARK_COMPLETE": "complete_bash", "COMP_WORDS": "trailmark plan --turn", "COMP_CWORD": "2"}
     done = subprocess.run(COMMAND, capture_output=True, text=True, check=False, env=os.environ | asked)
-    assert (done.returncode, done.stdout.split(), done.stderr) == (0, offered, "")
-
-
-def test_version(shell: Shell) -> None:
-    assert shell("--version") == (0, f"trailmark {trailmark.__version__}\n", "")
+    assert (done.returncode, done.stdout.split(), done.stderr) == (0, ["--turning-radius"], "")
 
 
 @pytest.mark.slow
-def test_help_and_version_import_nothing_heavy() -> None:
+def test_help_and_version_are_quick_and_import_nothing_heavy() -> None:
     heavy = ["fcl", "matplotlib", "networkx", "numba", "numpy", "ompl", "PIL", "scipy", "shapely", "sklearn", "yaml"]
-    for word in ("--help", "--version"):
-        program = (
-            "import sys; from trailmark.cli import main; main([sys.argv[1]]);"
-            f"print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
-        )
-        done = subprocess.run([sys.executable, "-c", program, word], capture_output=True, text=True, check=True)
-        assert done.stderr == "[]\n"
+    program = (
+        "import sys; from trailmark.cli import main; main(['--help']); main(['--version']);"
+        f"print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
+    )
+    done = python(program)
+    assert done.stderr == "[]\n"
+    assert done.stdout.endswith(f"\ntrailmark {trailmark.__version__}\n")
+
+    def seconds() -> float:
+        """Return processor time: that of the clock is the machine's, with all that runs beside."""
+        before = os.times()
+        subprocess.run([*COMMAND, "--help"], capture_output=True, check=True)
+        after = os.times()
+        return after.children_user + after.children_system - before.children_user - before.children_system
+
+    assert any(seconds() < 0.4 for _ in range(3))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["worlds", "schema"]])
-def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
+def test_a_reader_that_goes_away_is_no_error() -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    done = subprocess.run([*COMMAND, *words], stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run([*COMMAND, "worlds", "schema"], stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
-    assert done.stderr == ""
-    assert done.returncode == 128 + signal.SIGPIPE
+    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("closed", [(1,), (0, 1, 2)], ids=["stdout", "all"])
-def test_closed_streams_change_neither_files_nor_status(yard: Path, tmp_path: Path, closed: tuple[int, ...]) -> None:
-    file = tmp_path / "path.csv"
+def test_closed_streams_change_neither_files_nor_status(yard: Path, tmp_path: Path) -> None:
+    file, settings = tmp_path / "path.csv", tmp_path / "settings.yaml"
+    settings.write_text("max_iterations: 1")
 
     def status(*words: object) -> int:
-        program = "import os, sys; [os.close(int(n)) for n in sys.argv[1]]; os.execv(sys.argv[2], sys.argv[2:])"
-        numbers = "".join(map(str, closed))
-        command = [sys.executable, "-c", program, numbers, *COMMAND, *map(str, words)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        program = "import os, sys; [os.close(n) for n in (0, 1, 2)]; os.execv(sys.argv[1], sys.argv[1:])"
+        done = python(program, *COMMAND, *map(str, words))
         assert (done.stdout, done.stderr) == ("", "")
         return done.returncode
 
-    assert status("plan", yard, "--max-iterations", "1", "--output", file) == 0
+    assert status("plan", yard, "--settings", settings, "--output", file) == 0
     assert file.read_text().startswith("x,y,theta\n")
-    assert status("check", yard, file) == 0
     assert status("check", yard, file, "--robot", "disc:2") == 5
 
 
@@ -85,8 +85,7 @@ def test_closed_streams_change_neither_files_nor_status(yard: Path, tmp_path: Pa
 def test_a_full_disk_is_one_line() -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run([*COMMAND, "--version"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == "trailmark: error: output: No space left on device\n"
+    assert (done.returncode, done.stderr) == (2, "trailmark: error: output: No space left on device\n")
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -134,94 +133,54 @@ sys.exit(main(["plan", {str(yard)!r}, "--output", {str(yard.parent / "path.json"
     assert list(yard.parent.iterdir()) == [yard]
 
 
-WAIT = """
+SHOW = """
 import time
+import numba, ompl.base
 from trailmark.cli import console
 with console.progress("loading") as progress:
     progress.stage("planning", limit=5.0)
-    progress.details = ["312 landmarks", "cost 19.5"]
-    time.sleep({seconds})
+    progress.done, progress.unit, progress.details = (3, 1000), " records", ["312 landmarks", "cost 19.5"]
+    time.sleep(0.5)
+console.say("86° · \\ud800")
+console.fail("[b]θ[/b]")
 """
 
 
 @pytest.mark.slow
-def test_long_work_shows_progress_on_a_terminal_and_wipes_it(terminal: Terminal) -> None:
-    written = terminal(sys.executable, "-c", WAIT.format(seconds=0.5)).err
-    assert "planning · 0." in written
+def test_progress_and_colours_are_for_terminals(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
+    written = terminal(sys.executable, "-c", SHOW).err
+    assert " 3 of 1,000 records · planning · 0." in written
     assert "of 5 s · 312 landmarks · cost 19.5" in written
-    assert written.rstrip().endswith(("\x1b[2K", "\x1b[?25h")), "the line is erased and the cursor shown again"
-
-
-@pytest.mark.slow
-def test_no_progress_without_a_terminal() -> None:
-    assert python(WAIT.format(seconds=0.5)).stderr == ""
-
-
-@pytest.mark.slow
-def test_colours_are_for_terminals_only(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
-    program = "from trailmark.cli import console; console.fail('[b]no[/b]')"
-    assert python(program).stderr == "trailmark: error: [b]no[/b]\n"
-    assert "\x1b[" in terminal(sys.executable, "-c", program).err
+    after, _, problem = written.rpartition("cost 19.5")[2].partition("trailmark: error:")
+    assert "\x1b[2K" in after, "the line is erased"
+    assert "\x1b[?25h" in after, "the cursor is shown again"
+    assert "\x1b[31m" in after or "\x1b[" in problem
     monkeypatch.setenv("NO_COLOR", "1")
-    assert terminal(sys.executable, "-c", program).err == "trailmark: error: [b]no[/b]\r\n"
+    assert terminal(sys.executable, "-c", SHOW).err.endswith("trailmark: error: [b]θ[/b]\r\n")
 
 
 @pytest.mark.slow
-def test_output_survives_a_terminal_that_knows_ascii_only() -> None:
-    program = "from trailmark.cli import console; console.say('86° · \\ud800'); console.fail('θ')"
-    done = python(program, env=os.environ | {"PYTHONIOENCODING": "ascii"})
-    assert done.stdout == "86\\xb0 \\xb7 \\ud800\n"
-    assert done.stderr == "trailmark: error: \\u03b8\n"
+def test_a_pipe_gets_results_and_problems_alone_in_what_its_encoding_has() -> None:
+    done = python(SHOW, env=os.environ | {"PYTHONIOENCODING": "ascii"})
+    assert (done.returncode, done.stdout) == (0, "86\\xb0 \\xb7 \\ud800\n")
+    assert done.stderr == "trailmark: error: [b]\\u03b8[/b]\n"
 
 
 def test_json_text_is_strict() -> None:
-    from trailmark.cli import console
-
     record = {"states": [[0.0, 1.0, 2.0]], "query": "θ", "cost": None}
     assert json.loads(console.json_text(record)) == record
     with pytest.raises(ValueError, match="JSON"):
         console.json_text({"cost": float("nan")})
 
 
-@pytest.mark.slow
-def test_a_process_ends_without_complaints() -> None:
-    done = python("from trailmark.cli import main; import numba, ompl.base; main(['--version'])")
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.mark.slow
-def test_start_up_is_quick() -> None:
-    def seconds() -> float:
-        """Return processor time: that of the clock is the machine's, with all that runs beside."""
-        before = os.times()
-        subprocess.run([*COMMAND, "--version"], capture_output=True, check=True)
-        after = os.times()
-        return after.children_user + after.children_system - before.children_user - before.children_system
-
-    assert any(seconds() < 0.4 for _ in range(3))
-
-
-@pytest.mark.slow
-def test_what_is_wrong_with_trailmark_itself_is_reported_in_one_line(
-    shell: Shell, yard: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import warnings
-
-    from trailmark.errors import InternalErrorWarning
-    from trailmark.planning import LandmarkPlanner
-
-    right = LandmarkPlanner.plan
-
-    def plan(self: LandmarkPlanner, *arguments: Any, **options: Any) -> Any:
+def test_what_is_wrong_with_trailmark_itself_is_reported_in_one_line(shell: Shell, yard: Path, planner: Any) -> None:
+    def warn() -> None:
         warnings.warn("a path that was found is not free", InternalErrorWarning, stacklevel=1)
         warnings.warn("advice to programmers", DeprecationWarning, stacklevel=1)
-        return right(self, *arguments, **options)
 
-    monkeypatch.setattr(LandmarkPlanner, "plan", plan)
-    run = shell("plan", str(yard), "--query", "across", "--time-limit", "0.3")
-    assert run.status == 0
-    # Once while kernels are warmed up, once in earnest.
-    assert set(run.err.splitlines()) == {"trailmark: warning: a path that was found is not free"}
+    planner.action = staticmethod(warn)
+    run = shell("plan", yard)
+    assert (run.status, run.err) == (0, "trailmark: warning: a path that was found is not free\n")
 
 
 @pytest.mark.parametrize("columns", ["80", "120"])

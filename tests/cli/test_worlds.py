@@ -1,4 +1,4 @@
-"""trailmark worlds: list, show, convert, schema."""
+"""trailmark worlds: list, show, convert (with nav2's masks), schema."""
 
 from __future__ import annotations
 
@@ -7,24 +7,35 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from trailmark.world import Robot, World, library
 
 Shell = Callable[..., Any]
 
 
+@pytest.fixture
+def mask(tmp_path: Path) -> Path:
+    """A wall across the yard, from y = 0 to 4, with what nav2 takes for 60 % in the column beside it."""
+    image = np.full((6, 10), 255, dtype=np.uint8)
+    image[2:, 5], image[:, 8] = 0, 153
+    Image.fromarray(image).save(tmp_path / "mask.pgm")
+    file = tmp_path / "mask.yaml"
+    file.write_text(
+        "image: mask.pgm\nresolution: 1.0\norigin: [0, 0, 0]\nmode: scale\nfree_thresh: 0.0\noccupied_thresh: 1.0\n"
+    )
+    return file
+
+
 @pytest.mark.slow
-def test_list_names_every_shipped_world(shell: Shell) -> None:
+def test_every_shipped_world_is_listed(shell: Shell) -> None:
     run = shell("worlds")
     assert (run.status, run.err) == (0, "")
     head, *rows = run.out.splitlines()
     assert head.split() == ["NAME", "SIZE", "OBSTACLES", "QUERIES", "ROBOT"]
     assert [row.split()[0] for row in rows] == sorted(library.shipped_worlds())
-
-
-@pytest.mark.slow
-def test_list_as_json(shell: Shell) -> None:
     listed = json.loads(shell("worlds", "--json").out)["worlds"]
     assert [facts["name"] for facts in listed] == sorted(library.shipped_worlds())
     office = World.load(library.find_world("office"))
@@ -45,26 +56,45 @@ def test_show_as_json(shell: Shell, yard: Path) -> None:
 def test_show_draws(shell: Shell, yard: Path, tmp_path: Path, suffix: str, magic: bytes) -> None:
     picture = tmp_path / f"yard{suffix}"
     run = shell("worlds", "show", yard, "--plot", picture)
-    assert run.status == 0
-    assert str(picture) in run.out
+    assert (run.status, str(picture) in run.out) == (0, True)
     assert picture.read_bytes().startswith(magic)
 
 
-def test_convert_keeps_the_world(shell: Shell, yard: Path, tmp_path: Path) -> None:
-    run = shell("worlds", "convert", yard, tmp_path / "copy.yaml")
-    assert run == (0, "", "")
+def test_convert_keeps_the_world_but_for_another_robot(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    assert shell("worlds", "convert", yard, tmp_path / "copy.yaml") == (0, "", "")
     assert World.load(tmp_path / "copy.yaml") == World.load(yard)
-
-
-def test_convert_with_another_robot(shell: Shell, yard: Path, tmp_path: Path) -> None:
     assert shell("worlds", "convert", yard, tmp_path / "copy.yml", "--robot", "disc:0.2").status == 0
-    assert World.load(tmp_path / "copy.yml").robot == Robot.disc(0.2)
+    assert World.load(tmp_path / "copy.yml") == World.load(yard).with_robot(Robot.disc(0.2))
 
 
 def test_convert_reads_other_formats(shell: Shell, tmp_path: Path, shared_data: Path) -> None:
     source = shared_data / "nav2" / "tb3_sandbox.yaml"
     assert shell("worlds", "convert", source, tmp_path / "map.yaml").status == 0
     assert World.load(tmp_path / "map.yaml").obstacles == World.load(source).obstacles
+
+
+def test_masks_become_zones_of_the_world(shell: Shell, yard: Path, mask: Path, tmp_path: Path) -> None:
+    site, path = tmp_path / "site.yaml", tmp_path / "path.csv"
+    words = ("worlds", "convert", yard, site, "--keepout", mask, "--speed-mask", mask, "--max-speed", "0.5")
+    assert shell(*words) == (0, "", "")
+    zones = World.load(site).zones
+    assert [zone.kind for zone in zones] == ["keep-out", "speed"]
+    assert zones[1].limit == pytest.approx(0.3)  # type: ignore[union-attr]
+    assert "  zones      2 (1 keep-out, 1 speed)" in shell("worlds", "show", site).out.splitlines()
+    path.write_text("x,y,theta\n1,1,0\n9,1,0\n")
+    found = json.loads(shell("check", site, path, "--json").out)
+    assert "keep-out zone 0" in [collision["obstacle"] for collision in found["collisions"]]
+
+
+def test_a_keep_out_mask_beside_the_map_is_warned_of(shell: Shell, yard: Path, mask: Path, tmp_path: Path) -> None:
+    text = mask.read_text()
+    for moved in (text.replace("origin: [0, 0, 0]", "origin: [50, 0, 0]"), text):
+        mask.write_text(moved)
+        if moved == text:  # nothing is occupied
+            Image.fromarray(np.full((6, 10), 255, dtype=np.uint8)).save(mask.with_name("mask.pgm"))
+        run = shell("worlds", "convert", yard, tmp_path / "site.yaml", "--keepout", mask)
+        assert (run.status, run.err.count("\n")) == (0, 1)
+        assert "the keep-out mask covers nothing of the map" in run.err
 
 
 def test_schema_is_a_json_schema_of_worlds(shell: Shell) -> None:

@@ -23,7 +23,7 @@ class Odd(ob.OptimizationObjective):
     def motionCost(self, a, b): return ob.Cost(1.0)
 def with_odd_objective():
     posed = SE2Problem(world)
-    posed.set_planner(LandmarkPlanner(posed.information))
+    posed.set_planner(OmplLandmarkPlanner(posed.information))
     posed.setup.setOptimizationObjective(Odd(posed.information))
     posed.solve(1.0)
 calls = {
@@ -43,16 +43,16 @@ calls = {
     "validity": lambda: StateValidityChecker(information, world),
     "validity's information": lambda: StateValidityChecker(world, checker),
     "motions": lambda: MotionValidator(information, "checker"),
-    "planner's seed": lambda: LandmarkPlanner(information, seed=1.5),
-    "planner's checker": lambda: LandmarkPlanner(information, world),
-    "planner's information": lambda: LandmarkPlanner(problem),
-    "planner's keep_roadmap": lambda: LandmarkPlanner(information, keep_roadmap="no"),
+    "planner's seed": lambda: OmplLandmarkPlanner(information, seed=1.5),
+    "planner's checker": lambda: OmplLandmarkPlanner(information, world),
+    "planner's information": lambda: OmplLandmarkPlanner(problem),
+    "planner's keep_roadmap": lambda: OmplLandmarkPlanner(information, keep_roadmap="no"),
     "source's seed": lambda: LandmarkSource(checker, seed="1"),
     "source's checker": lambda: LandmarkSource(world),
     "plug's seed": lambda: plug_landmark_sampler(problem.setup, seed=float("nan")),
     "plug's checker": lambda: plug_landmark_sampler(problem.setup, checker=3),
     "no checker": lambda: plug_landmark_sampler(og.SimpleSetup(problem.space)),
-    "planner without checker": lambda: LandmarkPlanner(ob.SpaceInformation(problem.space)),
+    "planner without checker": lambda: OmplLandmarkPlanner(ob.SpaceInformation(problem.space)),
     "line": lambda: MotionValidator(ob.SpaceInformation(line), checker),
     "SE3": lambda: StateValidityChecker(ob.SpaceInformation(ob.SE3StateSpace()), checker),
     "no bounds": lambda: MotionValidator(ob.SpaceInformation(unbound), checker),
@@ -96,3 +96,10 @@ def test_wrong_arguments_are_errors_of_our_own(run_ompl: Any) -> None:
     assert "did you mean 'RRTConnect'?" in found["said"]["planner's name"]
     assert "within world 'room'" in found["said"]["wide"]
     assert "solution" in found["solved"].lower()
+
+
+def test_the_planners_old_name_is_told_of() -> None:
+    from trailmark import ompl_bridge
+
+    with pytest.warns(DeprecationWarning, match="expected OmplLandmarkPlanner"):
+        assert ompl_bridge.LandmarkPlanner is ompl_bridge.OmplLandmarkPlanner

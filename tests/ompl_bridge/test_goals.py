@@ -9,7 +9,7 @@ SCRIPT = """
 import numpy as np
 from ompl import base as ob
 from trailmark import Robot, World
-from trailmark.ompl_bridge import LandmarkPlanner, SE2Problem
+from trailmark.ompl_bridge import OmplLandmarkPlanner, SE2Problem
 from trailmark.ompl_bridge.states import state
 
 world = World("room", (0, 0, 10, 10), (), Robot.rectangle(0.6, 0.4))
@@ -18,7 +18,7 @@ def solved(goal, *threshold):
     problem = SE2Problem(world, query=((1, 1, 0), (9, 9, 1)))
     made = goal(problem.information)
     problem.setup.setGoal(made)
-    problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+    problem.set_planner(OmplLandmarkPlanner(problem.information, seed=0))
     problem.solve(2.0)
     last = problem.path.states[-1]
     assert made.isSatisfied(state(problem.information, last)), last
@@ -57,7 +57,7 @@ STARTS = """
 import numpy as np
 from ompl import base as ob
 from trailmark import Rectangle, Robot, World
-from trailmark.ompl_bridge import LandmarkPlanner, SE2Problem, plug_landmark_sampler
+from trailmark.ompl_bridge import OmplLandmarkPlanner, SE2Problem, plug_landmark_sampler
 from trailmark.ompl_bridge.states import state
 
 boxes = [Rectangle((2.0, y), 4.0, 0.2) for y in (3.0, 7.0)] + [Rectangle((4.0, 5.0), 0.2, 4.2)]
@@ -77,7 +77,7 @@ def solved(starts, robot, goals=(goal,)):
         problem.setup.setGoal(made)
     plugged = plug_landmark_sampler(problem.setup, seed=0)
     assert len(plugged.source.round(0)), (starts, goals)
-    planner = problem.set_planner(LandmarkPlanner(information, seed=0))
+    planner = problem.set_planner(OmplLandmarkPlanner(information, seed=0))
     problem.solve(1.5)
     return planner.result.status, None if problem.path is None else problem.path.states[0].tolist()
 

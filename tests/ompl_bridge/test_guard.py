@@ -74,11 +74,11 @@ def test_ctrl_c_ends_the_planning_and_is_raised(run_ompl: Any, planner: str) -> 
     # A robot that is 0.02 mm too long for the corner, which is not proven soon: no planner ends by itself.
     found = run_ompl(f"""
 import signal, subprocess
-from trailmark.ompl_bridge import LandmarkPlanner
+from trailmark.ompl_bridge import OmplLandmarkPlanner
 from trailmark.shapes import Rectangle
 world = World("corner", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.3, 5.3), 9.4, 9.4),))
 problem = SE2Problem(world, Robot.rectangle(0.6971, 0.5), ((8.0, 0.3, 0.0), (0.3, 8.0, -np.pi / 2)))
-problem.set_planner(LandmarkPlanner(problem.information) if {planner!r} == "landmark" else {planner!r})
+problem.set_planner(OmplLandmarkPlanner(problem.information) if {planner!r} == "landmark" else {planner!r})
 problem.solve(0.01)
 problem.setup.clear()
 try:

@@ -22,7 +22,7 @@ tell(direct=objective.motionCost(a, b).value(), bound=objective.motionCostHeuris
 for name in ("landmark", "RRTstar"):
     if name == "landmark":
         quick = PlannerSettings(patience=1)
-        planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0, settings=quick))
+        planner = problem.set_planner(OmplLandmarkPlanner(problem.information, seed=0, settings=quick))
     else:
         planner = problem.set_planner(name)
         objective.setCostThreshold(ob.Cost(17.0))  # it would use all of its time

@@ -13,7 +13,7 @@ def test_it_solves_in_a_simple_setup_and_keeps_its_roadmap(run_ompl: Any) -> Non
 from trailmark import PlannerSettings
 problem = SE2Problem(shipped("environment2"))
 quick = PlannerSettings(first_landmarks=60, patience=1)
-planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0, settings=quick))
+planner = problem.set_planner(OmplLandmarkPlanner(problem.information, seed=0, settings=quick))
 sizes, costs, words, names = [], [], [], []
 for k in range(2):
     words.append(problem.solve(5.0).asString())
@@ -24,7 +24,7 @@ for k in range(2):
          ends=[path[0].tolist(), path[-1].tolist()], wanted=[problem.start.tolist(), problem.goal.tolist()])
     sizes.append(len(planner.roadmap))
     problem.setup.clear()
-fresh = LandmarkPlanner(problem.information, seed=0, keep_roadmap=False, settings=quick)
+fresh = OmplLandmarkPlanner(problem.information, seed=0, keep_roadmap=False, settings=quick)
 problem.set_planner(fresh)
 again = []
 for k in range(2):
@@ -52,7 +52,7 @@ tell(sizes=sizes, costs=costs, words=words, names=names, again=again, cleared=fr
 def test_it_ends_with_the_termination_condition(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("long"), query="corner")
-planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
+planner = problem.set_planner(OmplLandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
 problem.solve(0.1)
 problem.setup.clear()
 words = []
@@ -74,7 +74,7 @@ def test_the_process_may_end_while_work_that_was_cut_short_goes_on(run_ompl: Any
     found = run_ompl(
         f"""
 problem = SE2Problem(shipped("long"), query="corner")
-problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+problem.set_planner(OmplLandmarkPlanner(problem.information, seed=0))
 tell(status=problem.solve({limit}).asString())
 """,
         whole=True,
@@ -88,7 +88,7 @@ def test_no_path_and_half_a_path_are_reported_as_such(run_ompl: Any) -> None:
 world = shipped("enclosed")
 names = [q.name for q in world.queries]
 problem = SE2Problem(world, query=names[0])
-planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+planner = problem.set_planner(OmplLandmarkPlanner(problem.information, seed=0))
 status = problem.solve(10.0)
 tell(infeasible=status.getStatus() == ob.PlannerStatus.INFEASIBLE, proven=planner.result.status)
 # A gap as wide as the robot but for a hair: the relaxed disc gets through, the robot does not.
@@ -96,7 +96,7 @@ from trailmark.shapes import Rectangle
 walls = (Rectangle((10.0, 2.25), 1.0, 4.5), Rectangle((10.0, 7.749), 1.0, 4.502))
 world = World("slit", (0.0, 0.0, 20.0, 10.0), walls, Robot.disc(0.5))
 problem = SE2Problem(world, query=((2.0, 5.0, 0.0), (18.0, 5.0, 0.0)))
-planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+planner = problem.set_planner(OmplLandmarkPlanner(problem.information, seed=0))
 status = problem.solve(2.0)
 tell(word=status.asString(), approximate=problem.setup.getProblemDefinition().hasApproximateSolution(),
      exact=problem.setup.haveExactSolutionPath(), path=problem.path is None,
@@ -119,7 +119,7 @@ from ompl import tools as ot
 problem = SE2Problem(shipped("office"))
 bench = ot.Benchmark(problem.setup, "office")
 bench.addPlanner(og.RRTConnect(problem.information))
-bench.addPlanner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
+bench.addPlanner(OmplLandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
 request = ot.Request()
 request.maxTime, request.maxMem, request.runCount, request.displayProgress = 0.1, 2000.0, 3, False
 request.saveConsoleOutput = False

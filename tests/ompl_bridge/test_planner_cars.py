@@ -29,7 +29,7 @@ oracle = Oracle(world, car)
 answers = []
 for seed in range({few(2)}):
     problem = SE2Problem(world, car, "door")
-    planner = problem.set_planner(LandmarkPlanner(problem.information, seed=seed, settings=QUICK))
+    planner = problem.set_planner(OmplLandmarkPlanner(problem.information, seed=seed, settings=QUICK))
     word = problem.solve(10.0).asString()
     solution = problem.setup.getSolutionPath()
     motions = [bool(problem.information.checkMotion(solution.getState(i), solution.getState(i + 1)))
@@ -70,7 +70,7 @@ def planned(space, robot):
     setup.setStateValidityChecker(StateValidityChecker(information, checker))
     information.setMotionValidator(MotionValidator(information, checker))
     setup.setStartAndGoalStates(*(state(information, q) for q in ((1.5, 1.5, 0.0), (4.0, 1.5, 0.0))))
-    planner = LandmarkPlanner(information, seed=0, settings=QUICK)
+    planner = OmplLandmarkPlanner(information, seed=0, settings=QUICK)
     setup.setPlanner(planner)
     word = solve(setup, 10.0).asString()
     return [word, planner.checker.robot.turning_radius, planner.checker.robot.reverse,
@@ -82,7 +82,7 @@ tell(curves=planned(ob.ReedsSheppStateSpace(0.5), robot), forward=planned(ob.Dub
 symmetric = ob.DubinsStateSpace(0.5, True)
 set_bounds(symmetric, world)
 try:
-    LandmarkPlanner(ob.SpaceInformation(symmetric), StateChecker(world))
+    OmplLandmarkPlanner(ob.SpaceInformation(symmetric), StateChecker(world))
 except SpaceError as error:
     tell(refused=str(error))
 """

@@ -64,7 +64,7 @@ def test_ompls_simplifier_comes_back(run_ompl: Any) -> None:
     found = run_ompl(
         """
 problem = SE2Problem(shipped("office"), query="door")
-planner = LandmarkPlanner(problem.information, seed=0)
+planner = OmplLandmarkPlanner(problem.information, seed=0)
 problem.set_planner(planner)
 vertices, hit, longer = [], 0, 0.0
 from tests.helpers.oracle import Oracle, motion_states

@@ -55,7 +55,7 @@ world = World("hall", world.bounds, (Rectangle((10.0, 3.0), 0.5, 6.0),), world.r
 problem = SE2Problem(world, query=ends)
 for name, limit in (("RRTConnect", 5.0), ("landmark", 0.5)):  # one ends at its first path, the other at the limit
     problem.update(world)
-    problem.set_planner(LandmarkPlanner(problem.information, seed=1) if name == "landmark" else name)
+    problem.set_planner(OmplLandmarkPlanner(problem.information, seed=1) if name == "landmark" else name)
     problem.solve(limit)
     over = problem.path
     # What was the passage is closed, whatever the way through it, and the wall below it opened.
@@ -88,7 +88,7 @@ words = []
 for worlds in ((world, full), (full, world, full, world)):
     problem = SE2Problem(world, query=ends)
     problem.setup.setGoal(East(problem.information))
-    planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+    planner = problem.set_planner(OmplLandmarkPlanner(problem.information, seed=0))
     for each in worlds:
         problem.update(each)
         try:
@@ -110,7 +110,7 @@ def test_the_landmark_planner_keeps_its_roadmap(run_ompl: Any) -> None:
 from trailmark import PlannerSettings
 problem = SE2Problem(world, query=ends)
 quick = PlannerSettings(first_landmarks=60, patience=1)
-planner = problem.set_planner(LandmarkPlanner(problem.information, seed=1, settings=quick))
+planner = problem.set_planner(OmplLandmarkPlanner(problem.information, seed=1, settings=quick))
 problem.solve(5.0)
 landmarks = planner.roadmap.graph.number_of_nodes()
 problem.update(world.edited(add=[Disc((2.0, 9.0), 0.2)]))
@@ -132,7 +132,7 @@ from dataclasses import replace
 problem = SE2Problem(world, query=ends)
 small, robot = replace(world, bounds=(0.0, 0.0, 15.0, 10.0)), StateChecker(world, Robot.disc(0.3))
 messages = []
-for part in (problem, problem.validity, problem.motions, LandmarkPlanner(problem.information)):
+for part in (problem, problem.validity, problem.motions, OmplLandmarkPlanner(problem.information)):
     for wrong in (small, "hall"):
         try:
             part.update(wrong)

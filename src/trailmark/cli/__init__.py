@@ -13,11 +13,12 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 import trailmark
 from trailmark.cli import (
@@ -36,9 +37,28 @@ from trailmark.cli import (
     worlds,
 )
 from trailmark.cli.options import UsageError
-from trailmark.errors import InputWarning, InternalErrorWarning, TrailmarkError
+from trailmark.errors import InputWarning, InternalErrorWarning, TrailmarkError, expected_name
 
 __all__ = ["app", "main"]
+
+
+class Command(TyperCommand):
+    """A command whose help shows the most common options first, and others in groups."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the arguments and the options."""
+        groups: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for parameter in self.get_params(ctx):
+            if (shown := parameter.get_help_record(ctx)) is not None:
+                kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
+                # Newer typer adds the type.
+                name = shown[0].partition(" <")[0] if kind == "Arguments" else shown[0]
+                groups.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append((name, shown[1]))
+        for group, rows in groups.items():
+            if rows:
+                with formatter.section(group):
+                    formatter.write_dl(rows)
+
 
 app = typer.Typer(
     name="trailmark",
@@ -47,18 +67,25 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("plan")(plan.plan)
-app.command("check")(check.check)
-app.command("landmarks")(landmarks.landmarks)
-app.command("map")(map.map_log)
-app.command("explore")(explore.explore)
-app.command("live")(live.live)
-app.command("roadmap")(roadmap.roadmap)
-app.command("benchmark")(benchmark.benchmark)
-app.command("report")(report.report)
+COMMANDS: dict[str, Callable[..., None]] = {
+    "plan": plan.plan,
+    "check": check.check,
+    "landmarks": landmarks.landmarks,
+    "map": map.map_log,
+    "explore": explore.explore,
+    "live": live.live,
+    "roadmap": roadmap.roadmap,
+    "benchmark": benchmark.benchmark,
+    "report": report.report,
+}
+for _name, _command in COMMANDS.items():
+    app.command(_name, cls=Command)(_command)
 app.add_typer(worlds.app, name="worlds")
 app.command("ros", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(ros.ros)
-app.command("warmup")(warmup.warmup)
+app.command("warmup", cls=Command)(warmup.warmup)
+worlds.app.command("show", cls=Command)(worlds.show)
+worlds.app.command("convert", cls=Command)(worlds.convert)
+worlds.app.command("schema", cls=Command)(worlds.schema)
 
 _COMPLETE = "_TRAILMARK_COMPLETE"
 """Set by the shell's completion script, which asks for the words that may come next."""
@@ -188,12 +215,19 @@ def _ended(received: list[int]) -> int:
 
 def _usage(error: Any, words: Sequence[str]) -> str:
     """Return a usage error as one sentence that names the commands there are, or where the options are described."""
-    problem, path, command = error.format_message().rstrip("."), "trailmark", typer.main.get_command(app)
+    if type(error) is typer.BadParameter and error.param is not None:
+        name = error.param.metavar if error.param.param_type_name == "argument" else max(error.param.opts, key=len)
+        return f"{name}: {error.message}"
+    path, command = "trailmark", typer.main.get_command(app)
+    commands: dict[str, Any] = getattr(command, "commands", {})
     for word in words:
-        found = getattr(command, "commands", {}).get(word)
-        if found is None:
+        commands = getattr(command, "commands", {})
+        if word not in commands:
+            if commands and not word.startswith("-"):
+                return f"{path.partition(' ')[2] or 'command'}: {expected_name(word, commands)}"
             break
-        command, path = found, f"{path} {word}"
-    if "command" in problem and hasattr(command, "commands"):
-        return f"{problem}; expected {', '.join(command.commands)}"
-    return f"{problem} (see '{path} --help')"
+        command, path = commands[word], f"{path} {word}"
+    problem = error.format_message().rstrip(".")
+    if problem == "Missing command":
+        return f"expected a command: {', '.join(commands)}, got nothing"
+    return problem if " expected " in f" {problem}" else f"{problem} (see '{path} --help')"

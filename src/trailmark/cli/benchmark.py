@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from trailmark.cli import console, options
-from trailmark.cli.options import UsageError, option
+from trailmark.cli.options import UsageError, argument, flag, option
 
 if TYPE_CHECKING:
     from trailmark.benchmark.problems import Problem
@@ -22,65 +22,85 @@ if TYPE_CHECKING:
 
 __all__ = ["benchmark"]
 
-DEFAULTS = {"runs": "10", "time_limit": "1.0", "memory_limit": "4096"}
+DEFAULTS: dict[str, Any] = {"runs": 10, "time_limit": 1.0, "memory_limit": 4096}
+MANY, MEGABYTES = options.Count(low=1, high=1_000_000), options.Count("MB", low=1, high=2**30)
 
-Text = str | None
 Public = tuple["PublicSuite", Path]
 """A public suite and the folder with its files."""
 
 
+@dataclass(frozen=True)
+class ResolutionKind(options.Kind):
+    """The spacing of the states that OMPL's discrete validation checks."""
+
+    def _read(self, text: str) -> Resolution:
+        from trailmark.benchmark.resolution import Resolution
+
+        return Resolution.parse(text)
+
+
 def benchmark(
-    worlds: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="WORLD", show_default=False, help="World files or names of shipped worlds."),
-    ] = None,
+    worlds: Annotated[list[str] | None, argument("WORLD", "World files or names of shipped worlds.")] = None,
     planners: Annotated[
         list[str] | None,
         option(
-            "--planner",
-            "NAME",
+            options.NAME,
             "landmark, roadmap, roadmap-uniform, lattice, paper, a planner of OMPL (PRM, RRTstar, …), PRM+certified "
             "(with certified motions), native:PRM (in C++), module:function (your own), or all. Parameters "
             "follow a colon: RRTConnect:range=2. Repeat it for several.",
             "-p",
+            "--planner",
         ),
     ] = None,
-    output: Annotated[Text, option("--output", "RESULTS.db", "Results database to create or add to.")] = None,
-    suite: Annotated[
-        Text, option("--suite", "NAME", "Public suite (see --list-suites), or file of worlds, planners and limits.")
+    output: Annotated[
+        Path | None, option(options.OutputFile(metavar="RESULTS.db"), "Results database to create or add to.")
     ] = None,
-    data: Annotated[Text, option("--data", "DIR", "Folder with the files of the public suite.")] = None,
+    runs: Annotated[int | None, option(MANY, "Runs of each planner on each problem; default: 10.")] = None,
+    time_limit: Annotated[float | None, option(options.SECONDS, "Planning time of a run; default: 1.0.")] = None,
+    memory_limit: Annotated[int | None, option(MEGABYTES, "Memory limit of a run; default: 4096.")] = None,
+    seed: Annotated[
+        int, option(options.Count(high=2**31 - 1), "Seed of the first run, plus 1 for each further run.")
+    ] = 0,
+    workers: Annotated[
+        int | None, option(options.Count(low=1, high=1024), "Parallel runs on this machine; default: 1.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, option(options.Kind("ADDRESS"), "Run on the Dask cluster at this address.")
+    ] = None,
+    as_json: options.JsonOption = False,
+    query: Annotated[
+        list[str] | None,
+        option(options.NAME, "Query of the worlds; default: all. Repeat it for several.", group="Problems"),
+    ] = None,
+    suite: Annotated[
+        str | None,
+        option(
+            options.NAME, "Public suite (see --list-suites), or file of worlds, planners and limits.", group="Problems"
+        ),
+    ] = None,
+    data: Annotated[
+        str | None, option(options.Kind("DIR"), "Folder with the files of the public suite.", group="Problems")
+    ] = None,
     count: Annotated[
-        Text, option("--problems", "N", "Number of problems, spread evenly over the suite; default: all.")
+        int | None,
+        option(MANY, "Number of problems, spread evenly over the suite; default: all.", "--problems", group="Problems"),
     ] = None,
     list_suites: Annotated[
-        bool, typer.Option("--list-suites", help="List the public suites and their sources.")
+        bool, flag("--list-suites", "List the public suites and their sources.", "Problems")
     ] = False,
-    runs: Annotated[Text, option("--runs", "N", "Runs of each planner on each problem; default: 10.")] = None,
-    time_limit: Annotated[Text, option("--time-limit", "SECONDS", "Planning time of a run; default: 1.0.")] = None,
-    memory_limit: Annotated[Text, option("--memory-limit", "MB", "Memory limit of a run; default: 4096.")] = None,
-    seed: Annotated[
-        Text, option("--seed", "N", "Seed of the first run, plus 1 for each further run; default: 0.")
-    ] = None,
-    query: Annotated[
-        list[str] | None, option("--query", "NAME", "Name of a query of the worlds; default: all.")
-    ] = None,
     robot: options.RobotOption = None,
+    drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
-    drive: options.DriveOption = None,
     resolution: Annotated[
-        Text,
+        Any,
         option(
-            "--resolution",
-            "METRES|PERCENT%",
+            ResolutionKind("METRES|PERCENT%"),
             "Spacing of the states that OMPL's discrete motion validation checks, in metres or as a share of the "
             "robot's inscribed radius; default: 10%, native planners 5%.",
+            group="Robot",
         ),
     ] = None,
-    workers: Annotated[Text, option("--workers", "N", "Parallel runs on this machine; default: 1.")] = None,
-    scheduler: Annotated[Text, option("--scheduler", "ADDRESS", "Run on the Dask cluster at this address.")] = None,
-    as_json: options.JsonOption = False,
 ) -> None:
     """Run planners on problems and store every result in a database.
 
@@ -96,17 +116,12 @@ def benchmark(
         _print_suites()
         return
     if workers is not None and scheduler is not None:
-        raise UsageError(f"expected --workers or --scheduler, got both (--workers {workers!r})")
+        raise UsageError("expected --workers or --scheduler, got both")
     if output is None:
         raise UsageError("--output is missing; expected --output RESULTS.db")
     given, public = _read_source(suite, data)
-    file = options.output_file(output, ())
     with console.progress("loading worlds"):
-        wanted = Wanted(
-            options.RobotOptions.read(robot, turning_radius, forward_only, drive),
-            tuple(query or ()),
-            None if count is None else options.read_count(count, "--problems", 1, 1_000_000),
-        )
+        wanted = Wanted(options.RobotOptions(robot, turning_radius, forward_only, drive), tuple(query or ()), count)
         problems = _posed_problems(worlds or [], given, public, wanted)
         plan = Benchmark(
             problems=problems,
@@ -114,39 +129,26 @@ def benchmark(
                 planners or (list(given.planners) if given else []),
                 cars=any(problem.steering is not None for problem in problems),
             ),
-            runs=options.read_count(runs or _setting(given, "runs"), "--runs", 1, 1_000_000),
-            time_limit=options.read_duration(time_limit or _setting(given, "time_limit"), "--time-limit"),
-            memory_limit=options.read_count(
-                memory_limit or _setting(given, "memory_limit"), "--memory-limit", 1, 2**30
-            ),
-            seed=options.read_count(seed or "0", "--seed", 0, 2**31 - 1),
-            resolution=None if resolution is None else _resolution(resolution),
+            runs=_setting(runs, given, "runs", MANY),
+            time_limit=_setting(time_limit, given, "time_limit", options.SECONDS),
+            memory_limit=_setting(memory_limit, given, "memory_limit", MEGABYTES),
+            seed=seed,
+            resolution=resolution,
         )
-        slots = options.read_count(workers or "1", "--workers", 1, 1024)
-    assert file is not None  # noqa: S101  # --output was given
     read = [source for problem in problems for source in problem.world.sources] + (
         [Path(suite)] if given and suite else []
     )
-    options.protect_inputs(read, file)
+    options.protect_inputs(read, output)
     # The scheduler first: if it does not answer, no database is made.
-    with local(slots) if scheduler is None else cluster(scheduler) as pool, Store(file) as store:
-        tally = _run(plan, store, pool, file)
-    _print(tally, file, plan.planners, as_json=as_json)
+    with local(workers or 1) if scheduler is None else cluster(scheduler) as pool, Store(output) as store:
+        tally = _run(plan, store, pool, output)
+    _print(tally, output, plan.planners, as_json=as_json)
 
 
-def _resolution(text: str) -> Resolution:
-    from trailmark.benchmark.errors import SuiteError
-    from trailmark.benchmark.resolution import Resolution
-
-    try:
-        return Resolution.parse(text)
-    except SuiteError as error:
-        raise UsageError(f"--resolution: {error}") from None
-
-
-def _setting(suite: Suite | None, name: str) -> str:
-    given = None if suite is None else getattr(suite, name)
-    return DEFAULTS[name] if given is None else str(given)
+def _setting(option: Any, suite: Suite | None, name: str, kind: options.Kind) -> Any:
+    """Return what the option says, else the suite's file, else the default."""
+    told = None if suite is None else getattr(suite, name)
+    return option if option is not None else DEFAULTS[name] if told is None else kind(str(told), name)
 
 
 def _run(plan: Benchmark, store: Any, pool: Any, file: Path) -> Tally:
@@ -248,11 +250,8 @@ def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | Non
     from trailmark.benchmark.public.base import evenly
     from trailmark.world.library import shipped_worlds
 
-    found = [
-        problem
-        for text in worlds
-        for problem in wanted.posed(options.load_world(text), wanted.robot.robot, wanted.queries)
-    ]
+    given = None if wanted.robot.spec is None else wanted.robot.spec.robot
+    found = [problem for text in worlds for problem in wanted.posed(options.load_world(text), given, wanted.queries)]
     for entry in suite.entries if suite is not None else ():
         if entry.missing:
             console.note(f"skipped, not found: {entry.world}")
@@ -260,7 +259,8 @@ def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | Non
         world = options.load_world(entry.world)
         names = [*entry.names, *(query.name for query in entry.queries)]
         world = replace(world, queries=(*entry.queries, *world.queries))
-        found += wanted.posed(world, wanted.robot.robot or options.read_robot(entry.robot), wanted.queries or names)
+        own = None if entry.robot is None else options.ROBOT(entry.robot, f"robot of {entry.world}").robot
+        found += wanted.posed(world, given or own, wanted.queries or names)
     if public is not None:
         found += _public(*public, wanted)
     if not found:
@@ -274,7 +274,7 @@ def _public(suite: PublicSuite, folder: Path, wanted: Wanted) -> list[Problem]:
         console.note(f"skipped: {line}")
     # Queries are chosen by name among all, for a name is no place in the spread.
     count = None if wanted.queries else wanted.number
-    robot = None if wanted.robot.robot is None else wanted.robot.steered(wanted.robot.robot)
+    robot = None if wanted.robot.spec is None else wanted.robot.steered(wanted.robot.spec.robot)
     found: list[Problem] = []
     for world in suite.worlds(folder, there, count, robot):
         names = [query.name for query in world.queries if query.name in wanted.queries]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trailmark.cli import console, options
-from trailmark.cli.options import option
+from trailmark.cli.options import argument, option
 
 if TYPE_CHECKING:
     from trailmark.formats.any_path import PathFile
@@ -22,15 +22,11 @@ __all__ = ["check"]
 WRONG = 5
 """Exit status if the path collides, or holds motions that the robot's drive cannot make."""
 
-ZONES = ("keep-out zone ", "one-way zone ")
-"""Prefixes of the names of zones."""
-
 SHOWN = 12
 """Collisions, and motions that the robot cannot make, that the summary lists at most."""
 
 SLACK = 1e-3
 """Share by which a path's curvature may exceed the robot's: that of circles through states with few digits."""
-
 
 SMALLEST_RADIUS = 1e-6
 """Metres: who follows a smaller turning radius turns in place, and its arcs would be more than can be audited."""
@@ -39,57 +35,38 @@ SMALLEST_RADIUS = 1e-6
 def check(
     world: options.WorldArgument,
     path: Annotated[
-        str,
-        typer.Argument(
-            metavar="PATH",
-            show_default=False,
-            help="Path to check: JSON, CSV, rows 'x y theta', or nav_msgs/Path as YAML or JSON.",
+        Path,
+        argument(
+            "PATH", "Path to check: JSON, CSV, rows 'x y theta', or nav_msgs/Path as YAML or JSON.", options.InputFile()
         ),
     ],
     robot: options.RobotOption = None,
-    keepout: options.KeepoutOption = None,
-    speed_mask: options.SpeedMaskOption = None,
-    turning_radius: options.TurningRadiusOption = None,
-    forward_only: options.ForwardOnlyOption = False,
-    drive: options.DriveOption = None,
     repair: Annotated[
-        str | None,
-        option(
-            "--repair",
-            "OUT",
-            "Write the path with its colliding parts replanned, in a format of plan's --output.",
-        ),
+        Path | None,
+        option(options.PATH_FILE, "Write the path with its colliding parts replanned, in a format of plan's --output."),
     ] = None,
-    time_limit: Annotated[
-        str, option("--time-limit", "SECONDS", "Planning time for each part replanned by --repair.", default=True)
-    ] = "1.0",
-    seed: options.SeedOption = "0",
+    time_limit: Annotated[float, option(options.SECONDS, "Planning time for each part replanned by --repair.")] = 1.0,
+    seed: options.SeedOption = 0,
     plot: options.PlotOption = None,
     as_json: options.JsonOption = False,
+    drive: options.DriveOption = None,
+    turning_radius: options.TurningRadiusOption = None,
+    forward_only: options.ForwardOnlyOption = False,
 ) -> None:
     """Check a path of any planner for collisions, clearance and drivability.
 
     The whole motion is checked continuously, not at samples. Exit status: 0 collision-free, or repaired; 5 the path
     collides or the robot cannot drive it; 2 bad input.
     """
-    from trailmark.formats import path_files
     from trailmark.formats.any_path import read_any_path
+    from trailmark.formats.path_files import write_path
 
-    limit = options.read_duration(time_limit, "--time-limit")
-    number = options.read_count(seed, "--seed", 0)
-    given = options.RobotOptions.read(robot, turning_radius, forward_only, drive)
-    picture, output = (
-        options.output_file(plot, options.PICTURE_SUFFIXES),
-        options.output_file(repair, path_files.SUFFIXES),
-    )
     with console.progress("loading") as progress:
-        loaded, file = options.load_world(world, keepout, speed_mask), Path(path)
-        options.protect_inputs((*loaded.sources, *given.files, file), picture, output)
-        body = given.robot_in(loaded)
-        loaded = options.grown_for(loaded, body)
-        found = read_any_path(file)
+        given = options.RobotOptions(robot, turning_radius, forward_only, drive)
+        loaded, body = given.load(world, (plot, repair), [path])
+        found = read_any_path(path)
         if found.headings > 2.0 * math.pi:
-            console.warn(f"{file}: headings of up to {found.headings:g} are taken as radians; are they in degrees?")
+            console.warn(f"{path}: headings of up to {found.headings:g} are taken as radians; are they in degrees?")
 
         from trailmark.collision import StateChecker
         from trailmark.errors import ConfigurationError, FormatError
@@ -97,29 +74,30 @@ def check(
 
         progress.stage("checking (compiles on first use)")
         auditor = PathAuditor(StateChecker(loaded, body))
-        recorded = recorded_path(found, file)
+        recorded = recorded_path(found, path)
         try:
             audit = auditor.audit(recorded)
         except ConfigurationError as error:
-            raise FormatError(file, str(error)) from None
+            raise FormatError(path, str(error)) from None
         # What another drive does may cost less than this robot's bound.
         lower_bound = None if audit.undrivable else _lower_bound(auditor, audit)
         record = audit.to_dict(loaded.name) | {"lower_bound": lower_bound}
-        written = []
-        fixed, final = None, audit
-        if output is not None:
+        written, fixed, final = [], None, audit
+        if repair is not None:
             progress.stage("repairing")
-            fixed = _repaired(auditor, audit, number, limit)
-            if fixed is not None:
-                path_files.write_path(output, fixed)
-                written.append(output)
+            fixed, problem = _repaired(auditor, audit, seed, time_limit)
+            if fixed is None:
+                console.not_written(repair, problem)
+            else:
+                write_path(repair, fixed)
+                written.append(repair)
                 final = auditor.audit(fixed)
-        if picture is not None:
+        if plot is not None:
             from trailmark.plotting import save_audit_figure
 
             progress.stage("drawing")
-            save_audit_figure(picture, loaded, body, audit, fixed)
-            written.append(picture)
+            save_audit_figure(plot, loaded, body, audit, fixed)
+            written.append(plot)
 
     if as_json:
         console.say(console.json_text(record))
@@ -173,8 +151,8 @@ def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:
     return bound if bound < math.inf else None
 
 
-def _repaired(auditor: PathAuditor, audit: PathAudit, seed: int, limit: float) -> RobotPath | None:
-    """Return the repaired path; say in one line on stderr why there is none."""
+def _repaired(auditor: PathAuditor, audit: PathAudit, seed: int, limit: float) -> tuple[RobotPath | None, str]:
+    """Return the repaired path, or None and why there is none."""
     from trailmark.errors import ConfigurationError
     from trailmark.planning import LandmarkPlanner
     from trailmark.verify import repaired
@@ -190,23 +168,21 @@ def _repaired(auditor: PathAuditor, audit: PathAudit, seed: int, limit: float) -
     try:
         path = repaired(auditor, audit, plan)
     except ConfigurationError as error:
-        console.fail(f"not repaired: {error}")
-        return None
-    if path is None:
-        console.fail(f"not repaired: no way past a collision was found within {limit:g} s for each part (--time-limit)")
-    return path
+        return None, f"{error}"
+    return path, f"no way past a collision was found within {limit:g} s for each part (--time-limit)"
 
 
 def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, written: list[Path]) -> None:
     undrivable = audit.undrivable or ()
-    verdict, colour = ("free", "green") if audit.free else ("the path collides", "red")
+    verdict = "free" if audit.free else "the path collides"
     if undrivable:
-        verdict, colour = f"{verdict}, but not drivable" if audit.free else f"{verdict}, and is not drivable", "red"
+        verdict += ", but not drivable" if audit.free else ", and is not drivable"
+    colour = "green" if audit.free and not undrivable else "red"
     console.say(f"{record['world']}: {verdict}", fg=colour, bold=True)
     rows = []
     for hit in audit.collisions[:SHOWN]:
         name = str(hit.obstacle)
-        if name not in ("bounds", "boundary") and not name.startswith(ZONES):
+        if name not in ("bounds", "boundary") and not name.startswith(("keep-out zone ", "one-way zone ")):
             name = f"obstacle {name}"
         rows.append(("collision", f"{hit.begin:.4f} to {hit.end:.4f} m along: {name}, {hit.depth:.4g} m deep"))
     if len(audit.collisions) > SHOWN:
@@ -230,9 +206,8 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
         *(("written", str(file)) for file in written),
     ]
     if audit.direction_changes is not None:
-        rows.append(
-            ("driving", f"{audit.direction_changes} changes of direction, {audit.reverse_length:.4f} m in reverse")
-        )
+        reverse = f"{audit.reverse_length:.4f} m in reverse"
+        rows.append(("driving", f"{audit.direction_changes} changes of direction, {reverse}"))
     console.print_table(rows, indent="  ")
 
 

@@ -65,10 +65,10 @@ def note(text: str) -> None:
         typer.echo(_one_line(text), err=True)
 
 
-def not_written(file: Path) -> None:
-    """Say on stderr that there is no path to write, and that an older file is kept."""
+def not_written(file: Path, reason: str) -> None:
+    """Say on stderr, terminal or not, that a file is not written, and that an older one is kept."""
     old = "; the older file is kept" if file.exists() else ""
-    typer.echo(_one_line(f"trailmark: {file}: not written: there is no path{old}"), err=True)
+    typer.echo(_one_line(f"trailmark: {file}: not written: {reason}{old}"), err=True)
 
 
 def fail(problem: str) -> None:
@@ -103,9 +103,11 @@ class Progress:
         phase: a word or two.
         details: further facts, such as ``312 landmarks``.
         done: how many pieces of work of how many are done, for a bar; None without one.
+        unit: what the pieces are, such as `` records``.
     """
 
     done: tuple[int, int] | None = None
+    unit = ""
 
     def __init__(self, phase: str) -> None:
         self._begun = time.perf_counter()
@@ -113,7 +115,7 @@ class Progress:
 
     def stage(self, phase: str, limit: float | None = None) -> None:
         """Begin another piece of work, whose clock starts at zero and may run to ``limit`` seconds."""
-        self.phase = phase
+        self.phase, self.done = phase, None
         self.details: Sequence[str] = ()
         self._limit = limit
         self._stage_begun = time.perf_counter()
@@ -131,8 +133,8 @@ class Progress:
         if self.done is None:
             return []
         done, pieces = self.done
-        full = _BAR * done // pieces
-        return [f"{'━' * full}{'╌' * (_BAR - full)} {done} of {pieces}"]
+        full = _BAR * done // max(1, pieces)
+        return [f"{'━' * full}{'╌' * (_BAR - full)} {done:,} of {pieces:,}{self.unit}"]
 
 
 @contextmanager

@@ -10,23 +10,30 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from trailmark.cli import console, options
-from trailmark.cli.options import Configuration, UsageError, option
-from trailmark.errors import expected_name
+from trailmark.cli.options import Kind, Pose, UsageError, argument, flag
 
 if TYPE_CHECKING:
     from trailmark.exploration.exploration_folder import SavedExploration
     from trailmark.exploration.explorer import Explorer
     from trailmark.exploration.result import ExplorationProgress, ExplorationResult
     from trailmark.world import World
-    from trailmark.world.robot import Robot
 
 __all__ = ["explore"]
 
 EXIT_STATUS = {"complete": 0, "time": 0, "distance": 0, "stuck": 3, "silent": 3}
 """By status; an interrupted exploration ends as every command does."""
 
-SENSORS = ("laser", "detections")
-STRATEGIES = ("tour", "gain-per-cost", "nearest-frontier")  # those of trailmark.exploration, which is heavy to import
+KINDS: dict[str, Kind] = {
+    "robot": options.ROBOT,
+    "start": options.POSE,
+    "sensor": options.Choice("laser", "detections"),
+    "sensor-range": options.METRES,
+    "strategy": options.Choice("tour", "gain-per-cost", "nearest-frontier"),  # those of trailmark.exploration
+    "confidence": options.PROBABILITY,
+    "noise": options.FACTOR,
+    "seed": options.SEED,
+}
+"""Of the options that are kept, as they were written, for the exploration to go on with."""
 
 RANGE = 0.2
 """Of the sensor by default, as a share of the world's longer side: so that a map takes some landmarks."""
@@ -34,44 +41,31 @@ RANGE = 0.2
 Text = str | None
 
 
+def _kept(name: str, help: str) -> Any:  # noqa: A002  # typer's name
+    return typer.Option(f"--{name}", metavar=KINDS[name].metavar, help=help)
+
+
 def explore(
-    world: Annotated[
-        Text,
-        typer.Argument(
-            metavar="WORLD", show_default=False, help="The simulated world, as for plan; not needed with --resume."
-        ),
-    ] = None,
-    output: Annotated[Text, option("--output", "DIR", "Folder for the results; created if missing.")] = None,
-    resume: Annotated[Text, option("--resume", "DIR", "Continue the exploration in this folder.")] = None,
-    robot: options.RobotOption = None,
-    start: options.StartOption = None,
-    sensor: Annotated[Text, option("--sensor", "NAME", "laser or detections (of discs); default: laser.")] = None,
+    world: Annotated[Text, argument("WORLD", "The simulated world, as for plan; not needed with --resume.")] = None,
+    output: Annotated[Text, options.option(Kind("DIR"), "Folder for the results; created if missing.")] = None,
+    resume: Annotated[Text, options.option(Kind("DIR"), "Continue the exploration in this folder.")] = None,
+    robot: Annotated[Text, _kept("robot", "Footprint in metres, instead of the world's robot; as for plan.")] = None,
+    start: Annotated[Text, _kept("start", "Start pose in metres and radians; degrees as in 1,2,90deg.")] = None,
+    sensor: Annotated[Text, _kept("sensor", "Laser, or detections of discs; default: laser.")] = None,
     sensor_range: Annotated[
-        Text, option("--sensor-range", "METRES", "Range of the sensor; default: a fifth of the world's longer side.")
+        Text, _kept("sensor-range", "Range of the sensor; default: a fifth of the world's longer side.")
     ] = None,
-    strategy: Annotated[
-        Text,
-        option(
-            "--strategy", "NAME", "How to choose where to go: tour, gain-per-cost or nearest-frontier; default: tour."
-        ),
-    ] = None,
+    strategy: Annotated[Text, _kept("strategy", "How to choose where to go; default: tour.")] = None,
     confidence: Annotated[
-        Text,
-        option(
-            "--confidence", "P", "Keep paths free of unseen obstacles with probability P, given the sensor's noise."
-        ),
+        Text, _kept("confidence", "Keep paths free of unseen obstacles with probability P, given the sensor's noise.")
     ] = None,
-    noise: Annotated[
-        Text, option("--noise", "FACTOR", "Factor on the noise of odometry and sensor; 0 is none; default: 1.")
-    ] = None,
-    seed: Annotated[Text, option("--seed", "N", "Random seed; default: 0.")] = None,
+    noise: Annotated[Text, _kept("noise", "Factor on the noise of odometry and sensor; 0 is none; default: 1.")] = None,
+    seed: Annotated[Text, _kept("seed", "Random seed; default: 0.")] = None,
     time_limit: Annotated[
-        Text, option("--time-limit", "SECONDS", "Time limit on the simulated robot's clock; default: none.")
-    ] = None,
-    max_distance: Annotated[
-        Text, option("--max-distance", "METRES", "Maximum distance to drive; default: no limit.")
-    ] = None,
-    return_home: Annotated[bool, typer.Option("--return-home", help="Drive back to the start at the end.")] = False,
+        float, options.option(options.SECONDS, "Time limit on the simulated robot's clock.")
+    ] = math.inf,
+    max_distance: Annotated[float, options.option(options.METRES, "Maximum distance to drive.")] = math.inf,
+    return_home: Annotated[bool, flag("--return-home", "Drive back to the start at the end.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Simulate a robot that explores an unknown world and maps it.
@@ -84,10 +78,7 @@ def explore(
     begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range}
     begun |= {"confidence": confidence, "noise": noise, "seed": seed}
     folder = _folder(output, resume, begun)
-    limits = {
-        "time_limit": math.inf if time_limit is None else options.read_duration(time_limit, "--time-limit"),
-        "distance_limit": math.inf if max_distance is None else options.read_length(max_distance, "--max-distance"),
-    }
+    limits = {"time_limit": time_limit, "distance_limit": max_distance}
     words = {name: text for name, text in (begun | {"world": world, "strategy": strategy}).items() if text is not None}
     beginning = Beginning.read(words) if resume is None else None
     from trailmark.exploration.exploration_folder import (
@@ -195,8 +186,8 @@ class Beginning(NamedTuple):
     words: dict[str, str]
     """The options that were given, by their names without dashes, and the world."""
     world: str
-    robot: Robot | None
-    start: Configuration | None
+    robot: options.RobotSpec | None
+    start: Pose | None
     sensor: str
     sensor_range: float | None
     strategy: str
@@ -210,24 +201,14 @@ class Beginning(NamedTuple):
         words = {name: str(text) for name, text in given.items()}
         if "world" not in words:
             raise UsageError("WORLD is missing; expected a file, a shipped world's name, or --resume DIR")
-        start, reach, probability = (words.get(name) for name in ("start", "sensor-range", "confidence"))
-        return cls(
-            words,
-            words["world"],
-            options.read_robot(words.get("robot")),
-            None if start is None else options.read_configuration(start, "--start"),
-            _name(words.get("sensor", SENSORS[0]), "--sensor", SENSORS),
-            None if reach is None else options.read_length(reach, "--sensor-range"),
-            _name(words.get("strategy", STRATEGIES[0]), "--strategy", STRATEGIES),
-            None if probability is None else options.read_probability(probability, "--confidence"),
-            options.read_number(words.get("noise", "1"), "--noise", "a finite number of 0 or more", low=0.0),
-            options.read_count(words.get("seed", "0"), "--seed", 0),
-        )
+        defaults = {"sensor": "laser", "strategy": "tour", "noise": "1", "seed": "0"} | words
+        found = {name: KINDS[name](defaults.get(name), f"--{name}") for name in KINDS}
+        return cls(words, words["world"], *found.values())
 
     @property
     def robot_file(self) -> tuple[Path, ...]:
         """The file that the robot was read from, if it was."""
-        return options.robot_file(self.words.get("robot"))
+        return () if self.robot is None else self.robot.files
 
     def kept(self) -> dict[str, str]:
         """Return the words by which the same exploration goes on, from whatever folder."""
@@ -262,9 +243,3 @@ class Beginning(NamedTuple):
             noise=self.noise,
             resumed=saved,
         )
-
-
-def _name(text: str, option: str, known: tuple[str, ...]) -> str:
-    if text not in known:
-        raise UsageError(f"{option}: {expected_name(text, known)}")
-    return text

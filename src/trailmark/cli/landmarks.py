@@ -8,10 +8,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from trailmark.cli import console, options
-from trailmark.cli.options import UsageError, option
+from trailmark.cli.options import UsageError, flag, option
 
 if TYPE_CHECKING:
     from trailmark.collision import StateChecker
@@ -24,36 +22,26 @@ if TYPE_CHECKING:
 
 __all__ = ["landmarks"]
 
-METHODS = ("paper", "se2")
-INITIALISATIONS = ("forgy", "random-partition", "k-means++")  # those of trailmark.landmarks.paper, heavy to import
-MAX_SAMPLES = 10_000_000  # 160 MB of points
-MAX_LANDMARKS = 20_000
-MAX_RUNS = 10_000
+METHOD, INIT = options.Choice("paper", "se2"), options.Choice("forgy", "random-partition", "k-means++")
+COUNT, RUNS = options.Count("K", low=1, high=20_000), options.Count(low=1, high=10_000)
+SAMPLES = options.Count(low=1, high=10_000_000)  # 160 MB of points
 SENSOR_RANGE = 12.0  # metres, as in trailmark.landmarks.executions
-
 PATHS = 4  # queries that paths over the landmarks are sought for, at most
 
 
 def landmarks(
     world: options.WorldArgument,
-    method: Annotated[
-        str, option("--method", "NAME", "paper (Algorithm 2 as published) or se2 (trailmark's own).", default=True)
-    ] = "paper",
-    count: Annotated[
-        str | None, option("-k", "K", "Number of landmarks; default: chosen from the sensor's range.")
+    method: Annotated[Any, option(METHOD, "Algorithm 2 as published, or trailmark's own.")] = "paper",
+    k: Annotated[
+        int | None, option(COUNT, "Number of landmarks; default: chosen from the sensor's range.", "-k")
     ] = None,
-    samples: Annotated[str, option("-n", "N", "Number of sampled points.", default=True)] = "1000",
-    init: Annotated[
-        str,
-        option("--init", "NAME", "Initial K-means centres: forgy, random-partition or k-means++.", default=True),
-    ] = "forgy",
-    runs: Annotated[str, option("--runs", "N", "Number of executions, with independent noise.", default=True)] = "3",
-    seed: options.SeedOption = "0",
-    sensor_range: Annotated[
-        str, option("--sensor-range", "METRES", "Range of the robot's sensor.", default=True)
-    ] = f"{SENSOR_RANGE:g}",
+    n: Annotated[int, option(SAMPLES, "Number of sampled points.", "-n")] = 1000,
+    init: Annotated[Any, option(INIT, "Initial K-means centres.")] = "forgy",
+    runs: Annotated[int, option(RUNS, "Number of executions, with independent noise.")] = 3,
+    seed: options.SeedOption = 0,
+    sensor_range: Annotated[float, option(options.METRES, "Range of the robot's sensor.")] = SENSOR_RANGE,
     grow_boxes: Annotated[
-        bool, typer.Option("--grow-boxes", help="Grow the obstacles' boxes by the robot's inscribed radius.")
+        bool, flag("--grow-boxes", "Grow the obstacles' boxes by the robot's inscribed radius.")
     ] = False,
     robot: options.RobotOption = None,
     plot: options.PlotOption = None,
@@ -63,27 +51,14 @@ def landmarks(
 
     Also plans over the first run's landmarks for the world's first queries. --plot draws each step.
     """
-    if method not in METHODS:
-        raise UsageError(f"expected {', '.join(METHODS)}, got --method {method!r}")
-    if init not in INITIALISATIONS:
-        raise UsageError(f"expected {', '.join(INITIALISATIONS)}, got --init {init!r}")
     if method == "se2" and init != "forgy":
         raise UsageError(f"--init {init!r} given with --method se2; expected forgy")
     if method == "se2" and grow_boxes:
         raise UsageError("--grow-boxes given with --method se2, which has no boxes")
-    n = options.read_count(samples, "-n", 1, MAX_SAMPLES)
-    k = None if count is None else options.read_count(count, "-k", 1, MAX_LANDMARKS)
-    number, repeats = options.read_count(seed, "--seed", 0), options.read_count(runs, "--runs", 1, MAX_RUNS)
-    reach = options.read_length(sensor_range, "--sensor-range")
-    given = options.read_robot(robot)
-    picture = options.output_file(plot, options.PICTURE_SUFFIXES)
 
     with console.progress("loading") as progress:
         begun = perf_counter()
-        loaded = options.load_world(world)
-        options.protect_inputs((*loaded.sources, *options.robot_file(robot)), picture)
-        body = options.robot_of(loaded, given)
-        loaded = options.grown_for(loaded, body)
+        loaded, body = options.RobotOptions(robot).load(world, [plot])
 
         import numpy as np
 
@@ -96,41 +71,36 @@ def landmarks(
         start = np.array(loaded.queries[0].start) if loaded.queries else None
         if k is None:
             progress.stage("choosing the number of landmarks")
-            k = _count_for(checker, reach, start, headings=method == "se2", seed=number)
+            k = _count_for(checker, sensor_range, start, headings=method == "se2", seed=seed)
 
         executions: list[Execution] = []
-        for run in range(repeats):
-            progress.stage(f"execution {run + 1} of {repeats}")
-            rng = np.random.default_rng([number, run])
+        for run in range(runs):
+            progress.stage(f"execution {run + 1} of {runs}")
+            rng = np.random.default_rng([seed, run])
             if method == "paper":
-                found = execute_paper(
-                    *(checker, n, k, init, rng),  # type: ignore[arg-type]  # init is one of INITIALISATIONS
-                    start=start,
-                    sensor_range=reach,
-                    grown=grow_boxes,
-                )
-                executions.append(found)
+                more: Any = {"start": start, "sensor_range": sensor_range, "grown": grow_boxes}
+                executions.append(execute_paper(checker, n, k, init, rng, **more))
             else:
                 executions.append(execute_se2(checker, n, k, rng, start=start))
         spread = spread_of_runs([execution.centres[:, :2] for execution in executions])
         record = _record(loaded, body, executions, spread)
-        record |= {"method": method, "init": init, "n": n, "k": k, "seed": number, "sensor_range": reach}
+        record |= {"method": method, "init": init, "n": n, "k": k, "seed": seed, "sensor_range": sensor_range}
         record["grown"] = grow_boxes
-        planned = _paths(checker, executions[0].repaired, loaded.queries[:PATHS], number, progress)
+        planned = _paths(checker, executions[0].repaired, loaded.queries[:PATHS], seed, progress)
         record["paths"] = [
             {"query": query.name, "cost": None if path is None else path.cost} for query, _, path in planned
         ]
         record["time"] = perf_counter() - begun
-        if picture is not None:
+        if plot is not None:
             from trailmark.plotting import save_landmarks_figure
 
             progress.stage("drawing")
-            save_landmarks_figure(picture, loaded, body, executions[:3], planned)
+            save_landmarks_figure(plot, loaded, body, executions[:3], planned)
 
     if as_json:
         console.say(console.json_text(record))
     else:
-        _print_table(record, picture)
+        _print_table(record, plot)
 
 
 def _count_for(
@@ -146,29 +116,27 @@ def _count_for(
 
 def _record(world: World, robot: Robot, executions: list[Execution], spread: Spread) -> dict[str, Any]:
     xmin, ymin, xmax, ymax = world.bounds
-    rows = []
-    for run, execution in enumerate(executions):
-        forbidden = int(execution.forbidden.sum())
-        rows.append(
-            {
-                "run": run,
-                "forbidden": forbidden,
-                "enclosed": int(execution.enclosed.sum()),
-                "valid": len(execution.samples) - forbidden,
-                "boxes": len(execution.boxes),
-                "inertia": execution.inertia,
-                "iterations": execution.iterations,
-                "mini_batches": execution.mini_batches,
-                "in_obstacle": int(execution.in_obstacle.sum()),
-                "invalid": int(execution.invalid.sum()),
-                "repaired_valid": len(execution.repaired),
-                "centres": execution.centres.tolist(),
-                "centre_in_obstacle": execution.in_obstacle.tolist(),
-                "centre_invalid": execution.invalid.tolist(),
-                "repaired": execution.repaired.tolist(),
-                "time": execution.seconds,
-            }
-        )
+    rows = [
+        {
+            "run": run,
+            "forbidden": int(execution.forbidden.sum()),
+            "enclosed": int(execution.enclosed.sum()),
+            "valid": int((~execution.forbidden).sum()),
+            "boxes": len(execution.boxes),
+            "inertia": execution.inertia,
+            "iterations": execution.iterations,
+            "mini_batches": execution.mini_batches,
+            "in_obstacle": int(execution.in_obstacle.sum()),
+            "invalid": int(execution.invalid.sum()),
+            "repaired_valid": len(execution.repaired),
+            "centres": execution.centres.tolist(),
+            "centre_in_obstacle": execution.in_obstacle.tolist(),
+            "centre_invalid": execution.invalid.tolist(),
+            "repaired": execution.repaired.tolist(),
+            "time": execution.seconds,
+        }
+        for run, execution in enumerate(executions)
+    ]
     share = 1.0 - sum(row["forbidden"] for row in rows) / sum(len(e.samples) for e in executions)
     counts = [len(execution.centres) for execution in executions]
     pairs = [{"runs": pair, "rms": rms} for pair, rms in zip(spread.pairs.tolist(), spread.rms.tolist(), strict=True)]
@@ -207,15 +175,13 @@ def _print_table(record: dict[str, Any], picture: Path | None) -> None:
     console.say(
         f"{record['world']} · {record['method']}: {record['k']:,} landmarks from {record['n']:,} points", bold=True
     )
-    head = ["RUN", "FORBIDDEN", "VALID", "INERTIA", "ITERATIONS", "IN OBSTACLE", "INVALID", "REPAIRED", "TIME"]
-    rows = [head]
+    rows = [["RUN", "FORBIDDEN", "VALID", "INERTIA", "ITERATIONS", "IN OBSTACLE", "INVALID", "REPAIRED", "TIME"]]
     for run in record["runs"]:
         iterations = "-" if run["iterations"] is None else f"{run['iterations']:,}"
-        row = [f"{run['run'] + 1}", f"{run['forbidden']:,}", f"{run['valid']:,}", f"{run['inertia']:.6g} m²"]
-        row += [f"{iterations} batches" if run["mini_batches"] else iterations]
-        row += [f"{run['in_obstacle']}", f"{run['invalid']}", f"{run['repaired_valid']} valid"]
-        row.append(f"{1e3 * run['time']:.1f} ms")
-        rows.append(row)
+        iterations += " batches" if run["mini_batches"] else ""
+        sampled = [f"{run['run'] + 1}", f"{run['forbidden']:,}", f"{run['valid']:,}", f"{run['inertia']:.6g} m²"]
+        centres = [f"{run['in_obstacle']}", f"{run['invalid']}", f"{run['repaired_valid']} valid"]
+        rows.append([*sampled, iterations, *centres, f"{1e3 * run['time']:.1f} ms"])
     console.print_table(rows, indent="  ")
     spread = record["spread"]
     facts = [

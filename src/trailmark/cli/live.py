@@ -5,60 +5,58 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Annotated
 from urllib.parse import quote
 
-import typer
-
 from trailmark.cli import console, options
-from trailmark.cli.options import UsageError, option
+from trailmark.cli.options import Kind, UsageError, argument, flag, option
 
 __all__ = ["live"]
 
 
+@dataclass(frozen=True)
+class Token(Kind):
+    """A secret in an address."""
+
+    allowed: str = "8 to 200 letters, digits and signs"
+
+    def _read(self, text: str) -> str:
+        if not (text.isascii() and text.isprintable() and 8 <= len(text) <= 200):
+            raise ValueError
+        return text
+
+
 def live(
-    world: Annotated[
-        str,
-        typer.Argument(metavar="WORLD", help="World file, as for plan, or name of a shipped world."),
-    ] = "office",
+    world: Annotated[str, argument("WORLD", "World file, as for plan, or name of a shipped world.")] = "office",
     robot: options.RobotOption = None,
     host: Annotated[
-        str,
-        option("--host", "ADDRESS", "Address to listen on; other than this machine it needs --token.", default=True),
+        str, option(Kind("ADDRESS"), "Address to listen on; other than this machine it needs --token.")
     ] = "127.0.0.1",
-    port: Annotated[str, option("--port", "N", "Port to listen on; 0 picks a free one.", default=True)] = "8765",
+    port: Annotated[int, option(options.Count(high=65535), "Port to listen on; 0 picks a free one.")] = 8765,
     token: Annotated[
-        str | None, option("--token", "TEXT", "Secret that the browser must send; part of the printed address.")
+        str | None, option(Token(), "Secret that the browser must send; part of the printed address.")
     ] = None,
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
-    ] = False,
-    seed: options.SeedOption = "0",
+    no_browser: Annotated[bool, flag("--no-browser", "Print the address without opening a browser.")] = False,
+    seed: options.SeedOption = 0,
 ) -> None:
     """Open a world in the browser, where start, goal and obstacles can be dragged.
 
     Prints one line with the address once it listens; Ctrl-C ends it. Needs the extra 'live'.
     """
-    number, place, given = (
-        options.read_count(seed, "--seed", 0),
-        options.read_count(port, "--port", 0, 65535),
-        options.read_robot(robot),
-    )
-    if token is not None and (not token.isascii() or not token.isprintable() or not 8 <= len(token) <= 200):
-        raise UsageError(f"expected 8 to 200 letters, digits and signs, got --token {token!r}")
     if not all(map(find_spec, ("starlette", "uvicorn", "websockets"))):
         raise UsageError("trailmark live needs starlette, uvicorn and websockets: pip install 'trailmark[live]'")
     from trailmark.live.server import listen, live_app, serve
     from trailmark.planning import LandmarkPlanner
 
-    with listen(host, place, token) as listening:
+    with listen(host, port, token) as listening:
         with console.progress("loading") as progress:
             loaded = options.load_world(world)
-            body = options.robot_of(loaded, given)
+            body = options.robot_of(loaded, robot)
             progress.stage("preparing (compiles on first use)")
             # Loads the kernels, and reports errors of the world before the first request.
-            LandmarkPlanner(loaded, body, seed=number)
+            LandmarkPlanner(loaded, body, seed=seed)
         address = f"http://{f'[{host}]' if ':' in host else host}:{listening.getsockname()[1]}/"
         if token is not None:
             address += f"?token={quote(token, safe='')}"
@@ -70,7 +68,7 @@ def live(
                 _open(address)
 
         with suppress(KeyboardInterrupt):
-            serve(live_app(loaded, body, token, number), listening, ready)
+            serve(live_app(loaded, body, token, seed), listening, ready)
 
 
 def _open(address: str) -> None:

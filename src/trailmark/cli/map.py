@@ -8,20 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from trailmark.cli import console
+from trailmark.cli import console, options
 from trailmark.cli.map_settings import read_map_settings
-from trailmark.cli.options import (
-    PICTURE_SUFFIXES,
-    JsonOption,
-    PlotOption,
-    UsageError,
-    output_file,
-    protect_inputs,
-    read_configuration,
-    read_probability,
-    read_robot,
-    robot_file,
-)
+from trailmark.cli.options import JsonOption, OutputFile, PlotOption, Pose, RobotSpec, UsageError, flag, option
 
 if TYPE_CHECKING:
     from trailmark.estimation.mapped_log import MappedLog
@@ -29,96 +18,84 @@ if TYPE_CHECKING:
 
 __all__ = ["map_log"]
 
-WORLD_SUFFIXES = (".yaml", ".yml")
-TRAJECTORY_SUFFIXES = (".tum", ".txt")
-ROBOT = "disc:0.2"
+ROBOT: Any = "disc:0.2"
 
 NOT_CERTIFIED = 3
 """Exit status: --confidence for a map whose estimates are not to be relied on."""
 
 
-def _option(name: str, metavar: str, text: str) -> Any:
-    return typer.Option(name, metavar=metavar, help=text, show_default=False)
-
-
 def map_log(
     log: Annotated[
         str,
-        typer.Argument(
-            metavar="LOG",
-            show_default=False,
-            help="trailmark JSON Lines, an MRCLAM folder (FOLDER:N for robot N), a CARMEN log, victoria_park.txt, a "
+        options.argument(
+            "LOG",
+            "trailmark JSON Lines, an MRCLAM folder (FOLDER:N for robot N), a CARMEN log, victoria_park.txt, a "
             "g2o graph, or a ROS bag; text may be gzipped.",
         ),
     ],
-    output: Annotated[str, _option("--output", "WORLD.yaml", "The world file to write.")],
+    output: Annotated[Path, option(OutputFile(".yaml", ".yml", metavar="WORLD.yaml"), "The world file to write.")],
     form: Annotated[
         str | None,
-        _option("--format", "NAME", "jsonl, mrclam, carmen, victoria, g2o or rosbag; default: by the content."),
+        option(options.NAME, "jsonl, mrclam, carmen, victoria, g2o or rosbag; default: by the content.", "--format"),
     ] = None,
     confidence: Annotated[
-        str | None,
-        _option(
-            "--confidence",
-            "P",
+        float | None,
+        option(
+            options.PROBABILITY,
             "Grow the obstacles so that a valid path meets none with probability P; default: as measured.",
         ),
     ] = None,
     even_if_uncertain: Annotated[
-        bool, typer.Option("--even-if-uncertain", help="Grow them by --confidence though the map is not certified.")
+        bool, flag("--even-if-uncertain", "Grow them by --confidence though the map is not certified.")
     ] = False,
     robot: Annotated[
-        str,
-        typer.Option(
-            "--robot", metavar="SHAPE", help="Stored in the world: disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;…"
-        ),
+        RobotSpec, option(options.ROBOT, "Stored in the world: disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;…")
     ] = ROBOT,
     plot: PlotOption = None,
     trajectory: Annotated[
-        str | None, _option("--trajectory", "FILE.tum", "Write where the robot was: rows t x y 0 0 0 qz qw, for evo.")
+        Path | None,
+        option(
+            OutputFile(".tum", ".txt", metavar="FILE.tum"),
+            "Write where the robot was: rows t x y 0 0 0 qz qw, for evo.",
+        ),
     ] = None,
     nav2: Annotated[
-        str | None, _option("--nav2", "MAP.yaml", "Write the map for nav2 too: MAP.yaml and MAP.pgm beside it.")
+        Path | None,
+        option(
+            OutputFile(".yaml", ".yml", metavar="MAP.yaml"),
+            "Write the map for nav2 too: MAP.yaml and MAP.pgm beside it.",
+        ),
     ] = None,
     as_json: JsonOption = False,
-    skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave out bad records, and say how many.")] = False,
+    skip_bad: Annotated[bool, flag("--skip-bad", "Leave out bad records, and say how many.")] = False,
     poses: Annotated[
         str | None,
-        _option(
-            "--poses",
-            "FROM",
+        option(
+            options.Kind("FROM"),
             "match (scans), slam (EKF), log (as it states them), or odometry (it drifts); default: auto, by the log.",
         ),
     ] = None,
     start: Annotated[
-        str | None, _option("--start", "X,Y,T", "Where the robot stood first; default: as the log says, or 0,0,0.")
+        Pose | None, option(options.POSE, "Where the robot stood first; default: as the log says, or 0,0,0.")
     ] = None,
     frame: Annotated[
         str | None,
-        _option(
-            "--frame",
-            "NAME",
+        option(
+            options.NAME,
             "What covariances of detected obstacles are relative to: start (default with --start), or map, for a robot "
             "that localises on them.",
         ),
     ] = None,
     settings: Annotated[
         str | None,
-        _option("--settings", "FILE.yaml", "Noise, association, radius, cells, …: lines 'name: value' of MapSettings."),
+        option(options.Kind("FILE.yaml"), "Noise, association, radius, cells, …: lines 'name: value' of MapSettings."),
     ] = None,
 ) -> None:
     """Turn a sensor log into a world: what was detected becomes discs, what lasers scanned walls, discs and heaps.
 
     The obstacles keep their covariances. The file goes straight into 'trailmark plan'.
     """
-    probability = None if confidence is None else read_probability(confidence, "--confidence")
-    first = None if start is None else read_configuration(start, "--start")
-    body = read_robot(robot)
-    world_file = output_file(output, WORLD_SUFFIXES)
-    picture = output_file(plot, PICTURE_SUFFIXES)
-    tum_file = output_file(trajectory, TRAJECTORY_SUFFIXES)
-    nav2_file = output_file(nav2, WORLD_SUFFIXES)
-    image_file = None if nav2_file is None else output_file(str(nav2_file.with_suffix(".pgm")), (".pgm",))
+    image = None if nav2 is None else options.OutputFile(".pgm")(str(nav2.with_suffix(".pgm")), "--nav2")
 
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
@@ -128,28 +105,26 @@ def map_log(
         from trailmark.formats.nav2_map import save_nav2_map
         from trailmark.formats.path_files import write_tum
 
-        inputs = (*log_files(log), *robot_file(robot), *(() if settings is None else (Path(settings),)))
-        protect_inputs(inputs, world_file, picture, tum_file, nav2_file, image_file)
-        if nav2_file is not None and nav2_file == world_file:
-            raise UsageError(f"expected another file than --output for --nav2, got {nav2!r} twice")
+        inputs = (*log_files(log), *robot.files, *(() if settings is None else (Path(settings),)))
+        options.protect_inputs(inputs, output, plot, trajectory, nav2, image)
         chosen, reading = read_map_settings(settings)
-        options: dict[str, Any] = {"poses": poses, "start": first, "frame": frame}
-        chosen = replace(chosen, **{name: value for name, value in options.items() if value is not None})
-        if chosen.robot_sigma is not None and probability is None:
+        given: dict[str, Any] = {"poses": poses, "start": start, "frame": frame}
+        chosen = replace(chosen, **{name: value for name, value in given.items() if value is not None})
+        if chosen.robot_sigma is not None and confidence is None:
             raise UsageError("settings: robot_sigma given without --confidence, allowed: both")
         read = load_log(log, form, skip_bad, **reading)
         progress.stage("mapping")
 
         def follow(what: str, done: int, total: int) -> None:
-            progress.details = (_bar(done, total), f"{done:,} of {total:,} {what}")
+            progress.done, progress.unit = (done, total), f" {what}"
 
         refused = None
         try:
             mapped = map_records(
                 read,
                 chosen,
-                robot=body,
-                confidence=probability,
+                robot=robot.robot,
+                confidence=confidence,
                 even_if_uncertain=even_if_uncertain,
                 on_progress=follow,
             )
@@ -158,40 +133,35 @@ def map_log(
         except TrailmarkError as error:
             raise FormatError(log, str(error)) from None
         if refused is not None:
-            typer.echo(f"trailmark: {refused}; --even-if-uncertain grows the obstacles all the same", err=True)
+            console.not_written(output, f"{refused}; --even-if-uncertain grows the obstacles all the same")
             raise typer.Exit(NOT_CERTIFIED)
         progress.stage("writing")
-        written = [world_file] if world_file is not None else []
-        if picture is not None:
+        written = [output]
+        if plot is not None:
             from trailmark.plotting.mapped import save_map_figure
 
             progress.stage("drawing")
-            save_map_figure(picture, mapped)
-            written.append(picture)
-        if world_file is not None:
-            mapped.world.save(world_file)
-        if tum_file is not None:
-            write_tum(tum_file, mapped.trajectory)
-            written.append(tum_file)
-        if nav2_file is not None:
+            save_map_figure(plot, mapped)
+            written.append(plot)
+        mapped.world.save(output)
+        if trajectory is not None:
+            write_tum(trajectory, mapped.trajectory)
+            written.append(trajectory)
+        if nav2 is not None:
             side = chosen.mapping.cell_side(read.cell) if mapped.scans is None else mapped.scans.grid.cell
-            written += save_nav2_map(mapped.world, nav2_file, side)
+            written += save_nav2_map(mapped.world, nav2, side)
 
     if read.dropped:
         typer.echo(f"trailmark: {console.plural(read.dropped, 'bad record')} left out of {log}", err=True)
     for warning in mapped.warnings:
         console.warn(warning)
     if as_json:
-        files = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2}
-        record = {"log": log, **mapped.figures(), "robot": body and body.describe(), "written": files}
+        named = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2}
+        files = {name: None if file is None else str(file) for name, file in named.items()}
+        record = {"log": log, **mapped.figures(), "robot": robot.robot.describe(), "written": files}
         console.say(console.json_text(record))
     else:
         _print_summary(mapped, read, skip_bad, written)
-
-
-def _bar(done: int, total: int, width: int = 24) -> str:
-    full = width * done // max(1, total)
-    return f"{'━' * full}{'╌' * (width - full)} {100 * done // max(1, total)} %"
 
 
 _FRAMES = {

@@ -1,110 +1,321 @@
-"""Arguments and options that several commands share. What reads them raises a TrailmarkError or UsageError."""
+"""The options of all commands: each kind of value says how a text is read, what is allowed, and how help shows it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from trailmark.cli import console
+from trailmark.errors import TrailmarkError, expected_name
 
 if TYPE_CHECKING:
     from trailmark.world import Robot, World
-
-PICTURE_SUFFIXES = (".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
-Configuration = tuple[float, float, float]
-
-MAX_TURNING_RADIUS = 1e4  # trailmark.world.robot.TURNING_LIMIT, whose module takes numpy along
 
 # Newer typer carries click inside, older depends on it; a public exception leads to its base class in both.
 UsageError: Any = typer.BadParameter.__mro__[1]
 
 
-def option(name: str, metavar: str, help: str, *aliases: str, default: bool = False) -> Any:  # noqa: A002  # typer's name
-    """Return an option that takes a text, for ``Annotated``; ``default`` says whether the help shows its default."""
-    return typer.Option(*aliases, name, metavar=metavar, help=help, show_default=default)
+@dataclass(frozen=True)
+class Kind:
+    """A kind of value, by default any text.
+
+    Attributes:
+        metavar: what the help calls it.
+        allowed: what follows "expected" in the message about any other text.
+    """
+
+    metavar: str = "TEXT"
+    allowed: str = "text"
+    __name__ = "value"  # older typer asks for it
+
+    def _read(self, text: str) -> Any:
+        return text
+
+    def __call__(self, given: Any, option: str | None = None) -> Any:
+        """Return the value of a text, or a default as it is; ``option`` names it in messages, if typer does not."""
+        if not isinstance(given, str):
+            return given
+        try:
+            return self._read(given)
+        except TrailmarkError as error:
+            problem = str(error)
+        except ValueError:
+            problem = f"expected {self.allowed}, got {given!r}"
+        raise typer.BadParameter(problem) if option is None else UsageError(f"{option}: {problem}")
 
 
-# Numbers come as words and are read below: typer's own messages do not quote them.
+@dataclass(frozen=True)
+class Number(Kind):
+    """A finite number above ``above`` and from ``low`` to ``high``."""
+
+    above: float = -math.inf
+    low: float = -math.inf
+    high: float = math.inf
+
+    def _read(self, text: str) -> float:
+        value = float(text)
+        if not (math.isfinite(value) and value > self.above and self.low <= value <= self.high):
+            raise ValueError
+        return value
+
+
+@dataclass(frozen=True)
+class Count(Kind):
+    """An integer from ``low`` to ``high``; by default the range of numpy's seeds."""
+
+    metavar: str = "N"
+    low: int = 0
+    high: int = 2**32 - 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "allowed", f"an integer from {self.low} to {self.high}")
+
+    def _read(self, text: str) -> int:
+        if not self.low <= (value := int(text)) <= self.high:
+            raise ValueError
+        return value
+
+
+class Choice(Kind):
+    """One of several names."""
+
+    def __init__(self, *names: str) -> None:
+        super().__init__("|".join(names), ", ".join(names))
+
+    def _read(self, text: str) -> str:
+        names = self.allowed.split(", ")
+        if text not in names:
+            raise TrailmarkError(expected_name(text, names))
+        return text
+
+
+class OutputFile(Kind):
+    """A file to be written, with one of some suffixes (any if there are none); it must be possible to write it."""
+
+    def __init__(self, *suffixes: str, metavar: str = "FILE") -> None:
+        super().__init__(metavar, ", ".join(suffixes))
+
+    def _read(self, text: str) -> Path:
+        from trailmark.formats.files import check_writable
+
+        check_writable(file := Path(text), tuple(self.allowed.split(", ")) if self.allowed else ())
+        return file
+
+
+class InputFile(Kind):
+    """A file to be read, which is looked at by what reads it."""
+
+    def _read(self, text: str) -> Path:
+        return Path(text)
+
+
+class FrameName(Kind):
+    """The name of a coordinate frame."""
+
+    def _read(self, text: str) -> str:
+        if not text or any(c.isspace() or not c.isprintable() for c in text):
+            raise ValueError
+        return text
+
+
+class Pose(NamedTuple):
+    """A configuration: metres, metres, radians."""
+
+    x: float
+    y: float
+    theta: float
+
+
+class PoseKind(Kind):
+    """``X,Y,T``; T in radians, or in degrees as in ``90deg``; it is warned of a number that looks like degrees."""
+
+    def _read(self, text: str) -> Pose | Position:
+        from trailmark.arguments import angle, warn_of_degrees
+
+        x, y, heading = text.split(",")
+        pose = Pose(float(x), float(y), angle(heading))
+        if not all(map(math.isfinite, pose)):
+            raise ValueError
+        if "deg" not in heading:
+            warn_of_degrees(pose.theta, repr(text))
+        return pose._replace(theta=math.remainder(pose.theta, 2.0 * math.pi))  # else it is warned of again
+
+
+class Position(NamedTuple):
+    """A place of the reference point, with any heading: metres."""
+
+    x: float
+    y: float
+
+
+class GoalKind(PoseKind):
+    """``X,Y,T``, or ``X,Y`` for any heading."""
+
+    def _read(self, text: str) -> Pose | Position:
+        if text.count(",") != 1:
+            return super()._read(text)
+        position = Position(*map(float, text.split(",")))
+        if not all(map(math.isfinite, position)):
+            raise ValueError
+        return position
+
+
+class Tolerance(NamedTuple):
+    """How far from a goal a path may end: metres, radians."""
+
+    position: float = 0.0
+    heading: float = 0.0
+
+
+class ToleranceKind(Kind):
+    """``METRES[,RADIANS]``."""
+
+    def _read(self, text: str) -> Tolerance:
+        from trailmark.arguments import angle
+
+        metres, comma, heading = text.partition(",")
+        tolerance = Tolerance(float(metres), angle(heading) if comma else 0.0)
+        if not all(0.0 <= value < math.inf for value in tolerance):
+            raise ValueError
+        return tolerance
+
+
+class SpeedLimits(NamedTuple):
+    """What a robot's motors allow; the defaults are those of a small mobile robot indoors.
+
+    Attributes:
+        speed: m/s.
+        acceleration: m/s².
+        turn_rate: rad/s.
+        turn_acceleration: rad/s²; None for no limit.
+    """
+
+    speed: float = 1.0
+    acceleration: float = 0.5
+    turn_rate: float = 1.0
+    turn_acceleration: float | None = None
+
+
+class LimitsKind(Kind):
+    """The first few numbers of :class:`SpeedLimits`."""
+
+    def _read(self, text: str) -> SpeedLimits:
+        values = [float(word) for word in text.split(",")]
+        if len(values) > 4 or not all(1e-6 <= value <= 1e6 for value in values):
+            raise ValueError
+        return SpeedLimits(*values)
+
+
+class RobotSpec(NamedTuple):
+    """A robot that was described, and the files that it was read from."""
+
+    robot: Robot
+    files: tuple[Path, ...] = ()
+
+
+class RobotKind(Kind):
+    """A footprint, or a YAML file that holds one."""
+
+    def _read(self, text: str) -> RobotSpec:
+        from trailmark.world.robot import Robot
+
+        file = Path(text)
+        is_file = file.suffix.lower() in (".yaml", ".yml")
+        return RobotSpec(Robot.load(file), (file,)) if is_file else RobotSpec(Robot.parse(text))
+
+
+ROBOT = RobotKind("SHAPE", "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)")
+SECONDS = Number("SECONDS", "a finite number of seconds above 0", above=0.0)
+METRES = Number("METRES", "a finite number of metres above 0", above=0.0)
+CLEARANCE = Number("METRES", "metres, from 0 to 1e7", low=0.0, high=1e7)
+RADIUS = Number("METRES", "a number above 0 and at most 10000 (metres)", above=0.0, high=1e4)  # robot.TURNING_LIMIT
+SPEED = Number("M/S", "a number from 1e-06 to 1e+06 (m/s)", low=1e-6, high=1e6)
+FACTOR = Number("FACTOR", "a finite number of 0 or more", low=0.0)
+PROBABILITY = Number("P", "a probability above 0 and below 1", above=0.0, high=math.nextafter(1.0, 0.0))
+SEED = Count()
+NAME, TEXT = Kind("NAME"), Kind("TEXT")
+POSE = PoseKind("X,Y,T", "X,Y,T, finite numbers (metres, metres, radians, or degrees such as 90deg)")
+GOAL = GoalKind("X,Y[,T]", "X,Y or X,Y,T, finite numbers (metres, radians, or degrees such as 90deg)")
+TOLERANCE = ToleranceKind("METRES[,RADIANS]", "METRES or METRES,RADIANS, numbers of 0 or more (degrees as in 10deg)")
+LIMITS = LimitsKind("V[,A[,W[,ALPHA]]]", "up to four numbers from 1e-06 to 1e+06 (m/s, m/s², rad/s, rad/s²)")
+DRIVE = Choice("omnidirectional", "differential", "car")
+FRAME = FrameName("NAME", "a name without blanks, such as map")
+PICTURE = OutputFile(".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
+PATH_FILE = OutputFile(".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2.json", ".geojson")
+SETTINGS = InputFile("FILE.yaml")
+
+
+def option(kind: Kind, help: str, *names: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name
+    """Return an option of a kind, for ``Annotated``; it has the parameter's name, or those given.
+
+    ``group`` is its heading in the help.
+    """
+    return typer.Option(*names, parser=kind, metavar=kind.metavar, help=help, rich_help_panel=group)
+
+
+def flag(name: str, help: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name
+    """Return an option without a value, for ``Annotated``."""
+    return typer.Option(name, help=help, rich_help_panel=group)
+
+
+def argument(metavar: str, help: str, kind: Kind = TEXT) -> Any:  # noqa: A002  # typer's name
+    """Return an argument of a kind, for ``Annotated``."""
+    return typer.Argument(metavar=metavar, parser=kind, help=help)
+
+
 WorldArgument = Annotated[
     str,
-    typer.Argument(
-        metavar="WORLD",
-        show_default=False,
-        help="World file (trailmark YAML, nav2 map YAML, MovingAI .map, OMPL.app .cfg) or name of a shipped world.",
+    argument(
+        "WORLD", "World file (trailmark YAML, nav2 map YAML, MovingAI .map, OMPL.app .cfg) or name of a shipped world."
     ),
 ]
 RobotOption = Annotated[
-    str | None,
+    RobotSpec | None,
     option(
-        "--robot",
-        "SHAPE",
+        ROBOT,
         "Footprint in metres, instead of the world's robot: disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y, "
         "nav2's '[[x, y], ...]', or a .yaml file (of a robot, a world, or nav2's parameters).",
     ),
 ]
-TimeLimitOption = Annotated[str, option("--time-limit", "SECONDS", "Planning time.", default=True)]
-SeedOption = Annotated[str, option("--seed", "N", "Random seed.", default=True)]
-TurningRadiusOption = Annotated[
-    str | None, option("--turning-radius", "METRES", "Minimum turning radius; makes the robot a car.")
-]
+StartOption = Annotated[Pose | None, option(POSE, "Start pose in metres and radians; degrees as in 1,2,90deg.")]
+TimeLimitOption = Annotated[float, option(SECONDS, "Planning time.")]
+SeedOption = Annotated[int, option(SEED, "Random seed.")]
 DriveOption = Annotated[
-    str | None,
-    option("--drive", "NAME", "omnidirectional, differential (turns in place, drives along its heading) or car."),
+    str | None, option(DRIVE, "How it moves; differential turns in place and drives along its heading.", group="Robot")
+]
+TurningRadiusOption = Annotated[
+    float | None, option(RADIUS, "Minimum turning radius; makes the robot a car.", group="Robot")
 ]
 ForwardOnlyOption = Annotated[
-    bool, typer.Option("--forward-only", help="Never drive in reverse (car or differential drive).")
+    bool, flag("--forward-only", "Never drive in reverse (car or differential drive).", "Robot")
 ]
-KeepoutOption = Annotated[
-    str | None, option("--keepout", "MASK.yaml", "nav2 keep-out mask; occupied cells become keep-out zones.")
-]
-SpeedMaskOption = Annotated[
-    str | None,
-    option(
-        "--speed-mask", "MASK.yaml", "nav2 speed mask; cells become speed limits, percentages of --max-speed or 1 m/s."
-    ),
-]
-FrameOption = Annotated[
-    str, option("--frame-id", "NAME", "Coordinate frame named in messages and GeoJSON.", default=True)
-]
-PlotOption = Annotated[str | None, option("--plot", "FILE", "Write a picture: .png, .svg or .pdf.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object on stdout.")]
-StartOption = Annotated[
-    str | None, option("--start", "X,Y,T", "Start pose in metres and radians; degrees as in 1,2,90deg.")
-]
+PlotOption = Annotated[Path | None, option(PICTURE, "Write a picture: .png, .svg or .pdf.")]
+JsonOption = Annotated[bool, flag("--json", "Print the result as one JSON object on stdout.")]
 
 
 class RobotOptions(NamedTuple):
     """The options ``--robot``, ``--turning-radius``, ``--forward-only`` and ``--drive``."""
 
-    robot: Robot | None
-    files: tuple[Path, ...]
-    turning_radius: float | None
-    forward_only: bool
-    drive: str | None
+    spec: RobotSpec | None = None
+    turning_radius: float | None = None
+    forward_only: bool = False
+    drive: str | None = None
 
-    @classmethod
-    def read(
-        cls,
-        robot: str | None,
-        turning_radius: str | None = None,
-        forward_only: bool = False,
-        drive: str | None = None,
-    ) -> RobotOptions:
-        """Return the options, read before the world is."""
-        radius = None
-        if turning_radius is not None:
-            expected = f"a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
-            radius = read_number(turning_radius, "--turning-radius", expected, above=0.0, high=MAX_TURNING_RADIUS)
-        return cls(read_robot(robot), robot_file(robot), radius, forward_only, drive)
+    def load(self, text: str, outputs: Iterable[Path | None] = (), inputs: Iterable[Path] = ()) -> tuple[World, Robot]:
+        """Return a world by file or name, and the robot in it: the one that was given, else the world's own.
 
-    def robot_in(self, world: World) -> Robot:
-        """Return the robot that was given, else the world's, with the drive and turning radius that were given."""
-        return self.steered(robot_of(world, self.robot))
+        Raises:
+            TrailmarkError: an output would replace the world, the robot or another of the inputs.
+        """
+        world = load_world(text)
+        protect_inputs((*world.sources, *(self.spec.files if self.spec else ()), *inputs), *outputs)
+        robot = self.steered(robot_of(world, self.spec))
+        return grown_for(world, robot), robot
 
     def steered(self, robot: Robot) -> Robot:
         """Return a robot with the drive and turning radius that were given."""
@@ -115,109 +326,45 @@ class RobotOptions(NamedTuple):
             reverse = robot.reverse if self.drive == robot.drive else None
             given: Any = {"turning_radius": kept, "reverse": reverse, "drive": self.drive}
             robot, radius = replace(robot, **given), kept
-        if self.forward_only and robot.drive == "differential" and radius is None:
-            return robot.differential()
-        if self.forward_only and radius is None:
-            raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
-        if radius is None:
+        if radius is not None:
+            return robot.steered(radius, (robot.reverse or robot.drive != "car") and not self.forward_only)
+        if not self.forward_only:
             return robot
-        return robot.steered(radius, (robot.reverse or robot.drive != "car") and not self.forward_only)
+        if robot.drive != "differential":
+            raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
+        return robot.differential()
 
 
-def read_configuration(text: str, option: str) -> Configuration:
-    """Return the configuration that an option gives as ``X,Y,T``; T is in radians, or in degrees as in ``90deg``.
-
-    A heading in radians beyond a full turn is warned of.
-    """
-    from trailmark.arguments import angle
-
-    try:
-        first, second, heading = text.split(",")
-        x, y, theta = float(first), float(second), angle(heading)
-    except ValueError:
-        x = y = theta = math.nan
-    if not all(map(math.isfinite, (x, y, theta))):
-        allowed = "finite numbers (metres, metres, radians, or degrees such as 90deg)"
-        raise UsageError(f"expected X,Y,T, {allowed}, got {option} {text!r}")
-    if abs(theta) > 2.0 * math.pi:
-        if "deg" not in heading:
-            console.warn(
-                f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, give {heading}deg"
-            )
-        theta = math.remainder(theta, 2.0 * math.pi)  # else it is warned of again where it is used
-    return x, y, theta
+def robot_of(world: World, given: RobotSpec | None) -> Robot:
+    """Return the robot that was given, else the world's own."""
+    robot = world.robot if given is None else given.robot
+    if robot is None:
+        raise UsageError(f"world {world.name!r} names no robot and --robot is not given; expected {ROBOT.allowed}")
+    return robot
 
 
-def read_number(
-    text: str, option: str, expected: str, *, above: float = -math.inf, low: float = -math.inf, high: float = math.inf
-) -> float:
-    """Return the finite number above ``above`` and from ``low`` to ``high`` that an option gives."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not (math.isfinite(number) and number > above and low <= number <= high):
-        raise UsageError(f"expected {expected}, got {option} {text!r}")
-    return number
+def load_world(text: str) -> World:
+    """Return the world of a file, or the shipped world of a name."""
+    from trailmark.formats.nav2_map import unknown_taken_for_free
+    from trailmark.world import World
+
+    world = World.load(text)
+    if problem := unknown_taken_for_free(world.sources):
+        console.warn(problem)
+    return world
 
 
-def read_duration(text: str, option: str) -> float:
-    """Return the seconds that an option gives."""
-    return read_number(text, option, "a finite number of seconds above 0", above=0.0)
+def grown_for(world: World, robot: Robot) -> World:
+    """Return the world; if its obstacles were grown for a smaller robot, they are grown anew, with a warning."""
+    if world.risk is None or world.risk.covers(robot):
+        return world
+    from trailmark.estimation.risk.allocation import regrow
 
-
-def read_length(text: str, option: str) -> float:
-    """Return the metres that an option gives."""
-    return read_number(text, option, "a finite number of metres above 0", above=0.0)
-
-
-def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
-    """Return the integer from ``low`` to ``high`` that an option gives; by default the range of numpy's seeds."""
-    try:
-        count = int(text)
-    except ValueError:
-        count = low - 1
-    if not low <= count <= high:
-        raise UsageError(f"expected an integer from {low} to {high}, got {option} {text!r}")
-    return count
-
-
-def read_probability(text: str, option: str) -> float:
-    """Return the probability, above 0 and below 1, that an option gives."""
-    below = math.nextafter(1.0, 0.0)
-    return read_number(text, option, "a probability above 0 and below 1", above=0.0, high=below)
-
-
-def read_frame(text: str) -> str:
-    """Return the name of a coordinate frame."""
-    if not text or any(c.isspace() or not c.isprintable() for c in text):
-        raise UsageError(f"expected a name without blanks, such as map, got --frame-id {text!r}")
-    return text
-
-
-def read_robot(text: str | None) -> Robot | None:
-    """Return the robot that ``--robot`` describes, or that the YAML file it names holds; None for None."""
-    if text is None:
-        return None
-    from trailmark.world.robot import Robot
-
-    return Robot.load(text) if robot_file(text) else Robot.parse(text)
-
-
-def robot_file(text: str | None) -> tuple[Path, ...]:
-    """Return the file that ``--robot`` names, if it names one."""
-    return (Path(text),) if text is not None and text.lower().endswith((".yaml", ".yml")) else ()
-
-
-def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
-    """Return the file to be written, once its suffix is known and it can be written; None for None."""
-    if text is None:
-        return None
-    from trailmark.formats.files import check_writable
-
-    file = Path(text)
-    check_writable(file, suffixes)
-    return file
+    console.warn(
+        f"world {world.name!r} was grown for a robot that reaches {world.risk.reach:g} m: its obstacles are grown "
+        f"anew for this one ({robot.describe()}), with confidence {world.risk.confidence:g}"
+    )
+    return regrow(world.with_robot(robot), world.risk.confidence)
 
 
 def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
@@ -230,45 +377,3 @@ def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
         if file.resolve() in written:
             raise UsageError(f"two outputs name the file {str(file)!r}; expected a file for each")
         written.add(file.resolve())
-
-
-def load_world(text: str, keepout: str | None = None, speed: str | None = None, max_speed: float = 1.0) -> World:
-    """Return the world of that file, or the shipped world of that name, with the zones of nav2's masks.
-
-    Args:
-        text: file or name.
-        keepout: file of a keep-out mask.
-        speed: file of a speed mask.
-        max_speed: metres per second that the speed mask's percentages refer to.
-    """
-    from trailmark.formats.nav2_map import unknown_taken_for_free
-    from trailmark.world import World
-
-    world = World.load(text)
-    if problem := unknown_taken_for_free(world.sources):
-        console.warn(problem)
-    if keepout is not None:
-        world = world.with_mask(keepout, "keep-out")
-    return world if speed is None else world.with_mask(speed, "speed", max_speed=max_speed)
-
-
-def grown_for(world: World, robot: Robot) -> World:
-    """Return the world; if its obstacles were grown for a smaller robot, they are grown anew, with a warning."""
-    if world.risk is None or world.risk.covers(robot):
-        return world
-    from trailmark.estimation.risk import regrow
-
-    console.warn(
-        f"world {world.name!r} was grown for a robot that reaches {world.risk.reach:g} m: its obstacles are grown "
-        f"anew for this one ({robot.describe()}), with confidence {world.risk.confidence:g}"
-    )
-    return regrow(world.with_robot(robot), world.risk.confidence)
-
-
-def robot_of(world: World, given: Robot | None) -> Robot:
-    """Return the robot that was given, else the world's own."""
-    robot = given or world.robot
-    if robot is None:
-        shapes = "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)"
-        raise UsageError(f"world {world.name!r} names no robot and --robot is not given; expected {shapes}")
-    return robot

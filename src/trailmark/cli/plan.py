@@ -6,83 +6,113 @@ import math
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from trailmark.cli import console, options, plan_options
-from trailmark.cli.options import option
+from trailmark.cli import console, options, plan_files
+from trailmark.cli.options import Pose, Position, SpeedLimits, Tolerance, UsageError, flag, option
 
 if TYPE_CHECKING:
-    from trailmark.planning import PlanProgress, PlanResult
-    from trailmark.trajectories import Path as TrailPath
+    from trailmark.planning import PlannerSettings, PlanProgress, PlanResult
+    from trailmark.world import World
+    from trailmark.world.goals import Goal
 
 __all__ = ["plan"]
 
 EXIT_STATUS = {"solved": 0, "timeout": 3, "infeasible": 4}
-MAX_LANDMARKS = 200_000  # half a minute
+PLAN_SETTINGS = {"gap": options.FACTOR, "max_iterations": options.Count(low=1), "frame_id": options.FRAME}
+"""What a settings file may say of one plan, beside the planner's settings."""
+LANDMARKS = options.Count("K", low=1, high=200_000)  # half a minute
 
 
 def plan(
     world: options.WorldArgument,
     robot: options.RobotOption = None,
-    keepout: options.KeepoutOption = None,
-    speed_mask: options.SpeedMaskOption = None,
-    turning_radius: options.TurningRadiusOption = None,
-    forward_only: options.ForwardOnlyOption = False,
-    drive: options.DriveOption = None,
-    query: Annotated[str | None, option("--query", "NAME", "Name of a query of the world; default: the first.")] = None,
+    query: Annotated[str | None, option(options.NAME, "Query of the world; default: the first.")] = None,
     start: options.StartOption = None,
-    goal: plan_options.GoalOption = None,
-    goal_tolerance: plan_options.GoalToleranceOption = None,
-    time_limit: options.TimeLimitOption = "1.0",
-    objective: plan_options.ObjectiveOption = None,
-    reverse_cost: plan_options.ReverseCostOption = None,
-    direction_change_cost: plan_options.DirectionChangeCostOption = None,
-    clearance: plan_options.ClearanceOption = None,
-    relax: plan_options.RelaxOption = False,
-    seed: options.SeedOption = "0",
-    landmarks: Annotated[str | None, option("--landmarks", "K", "Number of landmarks; default: by world.")] = None,
-    gap: Annotated[
-        str,
-        option(
-            "--gap", "SHARE", "Stop once the cost is proven within this share of the optimum (0.01: 1 %).", default=True
-        ),
-    ] = "0.0001",
-    max_iterations: Annotated[
-        str | None,
-        option(
-            "--max-iterations",
-            "N",
-            "Maximum number of planning rounds; with time enough for them, the same seed gives the same path.",
-        ),
+    goal: Annotated[
+        list[Any] | None,
+        option(options.GOAL, "Goal pose, or position with any heading. Repeat it for alternatives: one is reached."),
     ] = None,
-    settings: Annotated[str | None, option("--settings", "FILE.yaml", "Planner settings, lines 'name: value'.")] = None,
+    time_limit: options.TimeLimitOption = 1.0,
     output: Annotated[
-        str | None,
+        Path | None,
         option(
-            "--output",
-            "FILE",
+            options.PATH_FILE,
             "Write the path: .json (the full result), .csv, .path or .txt (rows 'x y theta'), .yaml or .nav2.json "
             "(nav_msgs/Path), or .geojson.",
         ),
     ] = None,
-    frame_id: options.FrameOption = "map",
     plot: options.PlotOption = None,
-    layers: plan_options.LayersOption = None,
-    smooth: plan_options.SmoothOption = False,
-    step: plan_options.StepOption = None,
-    trajectory: plan_options.TrajectoryOption = None,
-    animate: plan_options.AnimateOption = None,
-    max_speed: plan_options.MaxSpeedOption = None,
-    max_acceleration: plan_options.MaxAccelerationOption = None,
-    max_turn_rate: plan_options.MaxTurnRateOption = None,
-    max_turn_acceleration: plan_options.MaxTurnAccelerationOption = None,
     as_json: options.JsonOption = False,
+    seed: options.SeedOption = 0,
+    landmarks: Annotated[int | None, option(LANDMARKS, "Landmarks of the roadmap; default: by world.")] = None,
+    goal_tolerance: Annotated[
+        Tolerance | None, option(options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query")
+    ] = None,
+    drive: options.DriveOption = None,
+    turning_radius: options.TurningRadiusOption = None,
+    forward_only: options.ForwardOnlyOption = False,
+    limits: Annotated[
+        SpeedLimits | None,
+        option(
+            options.LIMITS,
+            "Maximum speed (m/s), acceleration (m/s²), turn rate (rad/s) and turn acceleration (rad/s²), for "
+            "trajectories and the objective time; default: 1,0.5,1 and no limit.",
+            group="Robot",
+        ),
+    ] = None,
+    objective: Annotated[
+        str | None,
+        option(
+            options.NAME,
+            "Cost to minimise: length (default), time, clearance (length, costlier near obstacles), or weights such as "
+            "length=1,clearance=3,decay=0.4. By default a car that reverses also pays 3 m for a change of direction "
+            "and 1.5 m for a metre in reverse: length=1,direction_change=3,reverse=1.5.",
+            group="Objective",
+        ),
+    ] = None,
+    clearance: Annotated[
+        float | None,
+        option(options.CLEARANCE, "Minimum clearance to obstacles and bounds along the whole path.", group="Objective"),
+    ] = None,
+    relax: Annotated[
+        bool, flag("--relax", "If no path keeps --clearance, plan with the largest feasible one.", "Objective")
+    ] = False,
+    settings: Annotated[
+        Path | None,
+        option(
+            options.SETTINGS,
+            "Lines 'name: value': gap (stop once the cost is proven within this share of the optimum), max_iterations "
+            "(of planning; with time enough for them, the same seed gives the same path), frame_id (in messages), and "
+            "those of PlannerSettings.",
+            group="Limits",
+        ),
+    ] = None,
+    smooth: Annotated[
+        bool,
+        flag("--smooth", "Round the path's corners where a certified curve fits; the robot stops at others.", "Output"),
+    ] = False,
+    step: Annotated[
+        float | None, option(options.METRES, "Maximum spacing of waypoints in the written path.", group="Output")
+    ] = None,
+    trajectory: Annotated[
+        Path | None,
+        option(
+            options.OutputFile(".csv", ".yaml", ".yml", ".nav2.json"),
+            "Write the time-optimal trajectory along the path: .csv (time, pose, velocity), or nav_msgs/Trajectory "
+            "(.yaml, .nav2.json).",
+            group="Output",
+        ),
+    ] = None,
+    animate: Annotated[
+        Path | None, option(options.OutputFile(".gif"), "Write an animation of the trajectory: .gif.", group="Output")
+    ] = None,
 ) -> None:
     """Plan a path in a world.
 
@@ -92,96 +122,151 @@ def plan(
     # Planning multiplies no matrices that would be worth sharing out: starting the threads takes longer, a tenth of a
     # second. OpenBLAS asks once, when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from trailmark.formats import path_files
-
-    limit = options.read_duration(time_limit, "--time-limit")
-    number = options.read_count(seed, "--seed", 0)
-    count = None if landmarks is None else options.read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
-    rounds = None if max_iterations is None else options.read_count(max_iterations, "--max-iterations", 1)
-    share = options.read_number(gap, "--gap", "a finite number of 0 or more", low=0.0)
-    margin = plan_options.read_clearance(clearance, relax)
-    given = options.RobotOptions.read(robot, turning_radius, forward_only, drive)
-    given_ends = plan_options.EndOptions.read(query, start, goal, goal_tolerance)
-    path_file, frame = options.output_file(output, path_files.SUFFIXES), options.read_frame(frame_id)
-    picture = options.output_file(plot, options.PICTURE_SUFFIXES)
-    spacing = plan_options.read_step(step, path_file)
-    timing = plan_options.read_timing(
-        trajectory,
-        animate,
-        max_speed,
-        max_acceleration,
-        max_turn_rate,
-        max_turn_acceleration,
-        needed=speed_mask is not None or objective not in (None, "length"),
-    )
-    charges = plan_options.read_objective(objective, timing, reverse_cost, direction_change_cost)
-    outputs = (path_file, picture, timing.table, timing.animation)
-    shown, asked = plan_options.read_layers(layers, plot), Event()
+    if relax and clearance is None:
+        raise UsageError("--relax given without --clearance; expected both or neither")
+    if step is not None and output is None:
+        raise UsageError(f"--step {step:g} given without a path to write; expected --output too")
+    if limits is not None and trajectory is animate is None and objective in (None, "length"):
+        raise UsageError("--limits given without a use; expected --trajectory, --animate or --objective time too")
+    speeds, stopped = limits or SpeedLimits(), Event()
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
-        loaded = options.load_world(world, keepout, speed_mask, timing.limits[0])
-        options.protect_inputs((*loaded.sources, *given.files), *outputs)
-        body = given.robot_in(loaded)
-        loaded = options.grown_for(loaded, body)
-        name, a, b = given_ends.ends(loaded)
+        given = options.RobotOptions(robot, turning_radius, forward_only, drive)
+        loaded, body = given.load(world, (output, plot, trajectory, animate), [settings] if settings else [])
+        ends = _ends(loaded, query, start, goal or [], goal_tolerance)
         loading = time.perf_counter() - begun
 
         from trailmark import LandmarkPlanner
-        from trailmark.planning import PlannerSettings
+        from trailmark.world.objective import Objective
 
-        chosen = PlannerSettings() if settings is None else PlannerSettings.load(settings)
-        if settings is not None:
-            options.protect_inputs((Path(settings),), *outputs)
+        chosen, asked = _read_settings(settings)
+        progress.stage("preparing (compiles on first use)")
+        planner = LandmarkPlanner(
+            loaded,
+            body,
+            seed=seed,
+            landmarks=landmarks,
+            clearance=clearance,
+            relax=relax,
+            settings=chosen,
+            objective=Objective.of(objective, body, max_speed=speeds.speed, max_turn_rate=speeds.turn_rate),
+        )
 
         def follow(state: PlanProgress) -> None:
             progress.phase = state.phase
             cost = "no path yet" if state.cost is None else f"cost {state.cost:.4g}"
             progress.details = (f"{state.landmarks:,} landmarks", cost)
 
-        progress.stage("preparing (compiles on first use)")
-        planner = LandmarkPlanner(
-            loaded,
-            body,
-            seed=number,
-            landmarks=count,
-            clearance=margin,
-            relax=relax,
-            settings=chosen,
-            objective=charges(body),
-        )
-        progress.stage("planning", limit)
-        with _stopping(asked):
+        progress.stage("planning", time_limit)
+        frame = asked.pop("frame_id", "map")
+        with _stopping(stopped):
             result = planner.plan(
-                a, b, time_limit=limit, on_progress=follow, max_iterations=rounds, gap=share, stop=asked.is_set
+                ends.start, ends.goal, time_limit=time_limit, on_progress=follow, stop=stopped.is_set, **asked
             )
-
-        extras: dict[str, Any] = {}
-        if smooth:
-            result, extras = plan_options.smoothed(result, loaded, body)
-        record = result.to_dict(world=loaded.name, query=name) | extras
+        result, extras = plan_files.smoothed(result, loaded, body) if smooth else (result, {})
+        record = result.to_dict(world=loaded.name, query=ends.name) | extras
         record["settings"] = chosen.to_dict()
         record["time"]["load"] = loading
         record["time"]["total"] += loading
         progress.stage("writing")
-        written, found = timing.write(result, loaded, body, frame)
-        record |= found
-        shaped = plan_options.with_step(result.path, spacing, loaded, body)
-        if path_file is not None and _write_path(path_file, shaped, record, frame):
-            written.append(path_file)
-        if picture is not None:
+        path, written = result.path, [file for file in (trajectory, animate, output, plot) if file is not None]
+        if path is None:
+            # A record of the full result says that there is no path; other files cannot.
+            for file in [file for file in (trajectory, animate, output) if file is not None and not _is_record(file)]:
+                console.not_written(file, "there is no path")
+                written.remove(file)
+        elif trajectory is not None or animate is not None:
+            record["trajectory"] = plan_files.write_timed(path, speeds, loaded, body, trajectory, animate, frame)
+        if output is not None and output in written:
+            from trailmark.formats.files import write_atomically
+            from trailmark.formats.path_files import write_path
+
+            if path is None:
+                write_atomically(output, console.json_text(record) + "\n")
+            else:
+                shaped = path if step is None else plan_files.with_step(path, step, loaded, body)
+                write_path(output, shaped, record, frame)
+        if plot is not None:
             from trailmark.plotting import save_plan_figure
 
-            save_plan_figure(picture, loaded, body, result, planner.roadmap, start=a, goal=b, query=name, layers=shown)
-            written.append(picture)
+            a, b, name = ends.start, ends.goal, ends.name
+            save_plan_figure(plot, loaded, body, result, planner.roadmap, start=a, goal=b, query=name)
 
     if as_json:
         console.say(console.json_text(record))
     else:
         _print_summary(record, result, written)
-    if asked.is_set():
+    if stopped.is_set():
         raise KeyboardInterrupt
     raise typer.Exit(EXIT_STATUS[result.status])
+
+
+class Ends(NamedTuple):
+    """A query's name, if it is one of the world's, its start, and its goal or goals."""
+
+    name: str | None
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float] | tuple[Goal, ...]
+
+
+def _ends(
+    world: World, query: str | None, start: Pose | None, goals: Sequence[Pose | Position], tolerance: Tolerance | None
+) -> Ends:
+    """Return the ends that the options give, else those of the world's query."""
+    from trailmark.world.goals import Goal
+
+    if (start is None) != (not goals):
+        given, missing = ("--start", "--goal") if not goals else ("--goal", "--start")
+        raise UsageError(f"{given} given without {missing}; expected both or neither")
+    if start is not None and query is not None:
+        raise UsageError(f"expected --query or --start and --goal, got both (--query {query!r})")
+    if start is None:
+        found = world.query(query)
+        if tolerance is None:
+            return Ends(found.name, found.start, found.goal)
+        if isinstance(found.goal[0], Goal):
+            raise UsageError(f"--goal-tolerance: expected --goal, for query {found.name!r} holds tolerances itself")
+        return Ends(found.name, found.start, (Goal(found.goal, *tolerance),))
+    if tolerance is None and len(goals) == 1 and isinstance(goals[0], Pose):
+        return Ends(None, start, goals[0])
+    position, heading = tolerance or Tolerance()
+    if heading > 0.0 and not any(isinstance(goal, Pose) for goal in goals):
+        raise UsageError("--goal-tolerance: expected a goal X,Y,T for a tolerance of its heading, got X,Y")
+    headings = (heading if isinstance(goal, Pose) else 0.0 for goal in goals)
+    return Ends(None, start, tuple(Goal(goal, position, within) for goal, within in zip(goals, headings, strict=True)))
+
+
+def _read_settings(file: Path | None) -> tuple[PlannerSettings, dict[str, Any]]:
+    """Return the planner's settings in a file, and what it says of a plan: gap, max_iterations and frame_id."""
+    from trailmark.planning import PlannerSettings
+
+    if file is None:
+        return PlannerSettings(), {}
+    from dataclasses import fields
+
+    import yaml
+
+    from trailmark.errors import ConfigurationError, FormatError, expected_name
+    from trailmark.formats.files import read_text
+
+    text = read_text(file)
+    try:
+        found: Any = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise FormatError(file, f"expected YAML, got {' '.join(str(error).split())}") from None
+    if not isinstance(found, dict):
+        raise FormatError(file, f"expected lines 'name: value', got {type(found).__name__}")
+    names = [*PLAN_SETTINGS, *(setting.name for setting in fields(PlannerSettings))]
+    for name in found:
+        if name not in names:
+            raise FormatError(file, f"setting: {expected_name(str(name), names)}")
+    kinds = PLAN_SETTINGS.items()
+    asked = {name: kind(str(found.pop(name)), f"{file}: {name}") for name, kind in kinds if name in found}
+    try:
+        return PlannerSettings(**found), asked
+    except ConfigurationError as error:
+        raise FormatError(file, str(error)) from None
 
 
 @contextmanager
@@ -203,19 +288,9 @@ def _stopping(asked: Event) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _write_path(file: Path, path: TrailPath | None, record: dict[str, Any], frame: str) -> bool:
-    """Write the path, or without one the JSON record that says so; return whether a file was written."""
-    from trailmark.formats.files import write_atomically
-    from trailmark.formats.path_files import write_path
-
-    if path is not None:
-        write_path(file, path, record, frame)
-    elif file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json"):
-        write_atomically(file, console.json_text(record) + "\n")
-    else:
-        console.not_written(file)
-        return False
-    return True
+def _is_record(file: Path) -> bool:
+    """Return whether a file of this name holds the full result, so that it can say that there is no path."""
+    return file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json")
 
 
 def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Path]) -> None:
@@ -229,20 +304,7 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
     reason = f": {result.reason}" if result.reason else ""
     console.say(f"{title}: {verdict}{reason}", fg=colour, bold=True)
     seconds = record["time"]
-    rows = []
-    if result.path is not None:
-        if result.goal is not None:
-            rows.append(("goal", f"number {result.goal.index + 1}, reached at ({_numbers(result.goal.pose)})"))
-        rows += [
-            ("cost", f"{record['cost']:.4f}{_gap(record['cost'], record['lower_bound'])}"),
-            ("length", f"{record['length']:.4f} m"),
-            ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
-            *plan_options.objective_rows(record),
-            *_curve_rows(result),
-            *plan_options.trajectory_rows(record),
-            ("clearance", f"minimum {record['min_clearance']:.4f} m{_kept(result)}"),
-            ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
-        ]
+    rows = [] if result.path is None else _path_rows(record, result)
     rows += [
         ("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges"),
         ("time", f"{seconds['total']:.3f} s (load {seconds['load']:.3f}, build {seconds['build']:.3f})"),
@@ -252,29 +314,40 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
     console.print_table(rows, indent="  ")
 
 
-def _numbers(values: tuple[float, ...]) -> str:
-    return ", ".join(f"{value:.4g}" for value in values)
-
-
-def _kept(result: PlanResult) -> str:
-    """Return the certified clearance, and the bound on that of any path, if they were asked for."""
+def _path_rows(record: dict[str, Any], result: PlanResult) -> list[tuple[str, str]]:
+    rows = []
+    if result.goal is not None:
+        pose = ", ".join(f"{value:.4g}" for value in result.goal.pose)
+        rows.append(("goal", f"number {result.goal.index + 1}, reached at ({pose})"))
+    cost, bound = record["cost"], record["lower_bound"]
+    gap = f" (at most {100.0 * (cost / bound - 1.0):.1f} % above the optimum: lower bound {bound:.4f})" if bound else ""
+    rows += [
+        ("cost", f"{cost:.4f}{gap}"),
+        ("length", f"{record['length']:.4f} m"),
+        ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
+    ]
+    if (weights := record.get("objective")) is not None:
+        shown = [f"{name} {weights[name]:g}" for name in ("length", "time", "clearance") if weights[name]]
+        if "direction_changes" in record:
+            shown += [f"metres in reverse {weights['reverse']:g} times"] if weights["reverse"] > 1.0 else []
+            shown += [f"a change of direction {weights['direction_change']:g} m"] if weights["direction_change"] else []
+        error = f"; the cost is known to {record['cost_error']:.2g}" if record["cost_error"] else ""
+        rows.append(("objective", ", ".join(shown) + error))
+    if (curve := record.get("curve")) is not None:
+        kind = {"dubins": "Dubins", "reeds-shepp": "Reeds-Shepp"}[curve["kind"]]
+        turns = f"{record['direction_changes']} changes of direction, {record['reverse_length']:.4g} m in reverse"
+        rows.append(("curves", f"{kind}, turning radius {curve['turning_radius']:g} m, {turns}"))
+    if (smooth := record.get("smooth")) is not None:
+        curvature = f"curvature {smooth['max_curvature']:.3g} /m at its most"
+        rows.append(("smooth", f"{curvature}, {len(smooth['stops'])} stops on the way"))
+    if "trajectory" in record:
+        rows.append(("trajectory", f"{record['trajectory']['duration']:.2f} s"))
+    certified = f"; certified {result.clearance:.4g} m" if result.clearance > 0.0 or result.clearance_bound else ""
     if result.clearance_bound is not None:
-        return f"; certified {result.clearance:.4f} m, and no path keeps more than {result.clearance_bound:.4f} m"
-    return f"; certified {result.clearance:g} m" if result.clearance > 0.0 else ""
-
-
-def _curve_rows(result: PlanResult) -> list[tuple[str, str]]:
-    from trailmark.trajectories import CurvePath
-
-    path = result.path
-    if not isinstance(path, CurvePath):
-        return []
-    kind = "Reeds-Shepp" if path.steering.reverse else "Dubins"
-    turns = f"{path.cusps} changes of direction, {path.reverse_length:.4g} m in reverse"
-    return [("curves", f"{kind}, turning radius {path.steering.radius:g} m, {turns}")]
-
-
-def _gap(cost: float, bound: float | None) -> str:
-    if not bound:
-        return ""
-    return f" (at most {100.0 * (cost / bound - 1.0):.1f} % above the optimum: lower bound {bound:.4f})"
+        certified += f", and no path keeps more than {result.clearance_bound:.4f} m"
+    first = record["time"]["first_solution"]
+    return [
+        *rows,
+        ("clearance", f"minimum {record['min_clearance']:.4f} m{certified}"),
+        ("first path", f"cost {record['first_cost']:.4f} after {first:.3f} s"),
+    ]

@@ -5,40 +5,37 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from trailmark.cli import console
-from trailmark.cli.options import option, output_file, protect_inputs
+from trailmark.cli import console, options
+from trailmark.cli.options import argument, option
 
 __all__ = ["report"]
 
 
 def report(
-    results: Annotated[
-        str, typer.Argument(metavar="RESULTS.db", help="Results database of trailmark benchmark.", show_default=False)
-    ],
-    html: Annotated[str | None, option("--html", "FILE", "Write a self-contained HTML page: .html or .htm.")] = None,
+    results: Annotated[Path, argument("RESULTS.db", "Results database of trailmark benchmark.", options.InputFile())],
+    html: Annotated[
+        Path | None, option(options.OutputFile(".html", ".htm"), "Write a self-contained HTML page: .html or .htm.")
+    ] = None,
 ) -> None:
     """Summarise benchmark results.
 
     Prints a table; --html writes a page. The benchmark may still be running.
     """
-    page = output_file(html, (".html", ".htm"))
-    protect_inputs([Path(results)], page)
+    options.protect_inputs([results], html)
     from trailmark.benchmark.results import load_results
     from trailmark.benchmark.summary import failure_lines, summary_rows
 
     with console.progress("reading the results") as progress:
-        found = load_results(Path(results))
-        if page is not None:
+        found = load_results(results)
+        if html is not None:
             from trailmark.benchmark.report import html_report
             from trailmark.formats.files import write_atomically
 
-            progress.stage(f"writing {page.name}")
-            write_atomically(page, html_report(found))
+            progress.stage(f"writing {html.name}")
+            write_atomically(html, html_report(found))
     console.print_table(summary_rows(found, found.planners), indent="  ")
     for line in failure_lines(found, found.planners):
         console.say(line)
-    if page is not None:
+    if html is not None:
         counts = f"{len(found.problems):,} problems, {len(found.planners):,} planners, {found.runs:,} runs"
-        console.say(f"written: {page} ({counts})")
+        console.say(f"written: {html} ({counts})")

@@ -4,75 +4,58 @@ from __future__ import annotations
 
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Any
-
-import typer
+from typing import Annotated
 
 from trailmark.cli import console, options
 from trailmark.cli.options import option
 
 __all__ = ["roadmap"]
 
-MAX_LANDMARKS = 200_000  # trailmark.planning.planner.MAX_LANDMARKS, which is heavy to import
-SUFFIXES = (".geojson", ".graphml", ".npz")  # those of trailmark.roadmap.files
+LANDMARKS = options.Count("K", low=1, high=200_000)
+ROADMAP_FILE = options.OutputFile(".geojson", ".graphml", ".npz")
 
 
 def roadmap(
     world: options.WorldArgument,
     output: Annotated[
-        str,
-        typer.Option(
-            "--output",
-            metavar="FILE",
-            show_default=False,
-            help="The file to write: .geojson (nav2's route server), .graphml (networkx) or .npz (Roadmap.load).",
+        Path,
+        option(
+            ROADMAP_FILE,
+            "The file to write: .geojson (nav2's route server), .graphml (networkx) or .npz (Roadmap.load).",
         ),
     ],
+    count: Annotated[int, option(LANDMARKS, "Number of landmarks.", "-k")] = 200,
     robot: options.RobotOption = None,
-    keepout: options.KeepoutOption = None,
-    speed_mask: options.SpeedMaskOption = None,
+    seed: options.SeedOption = 0,
+    frame_id: Annotated[str, option(options.FRAME, "Coordinate frame named in GeoJSON.")] = "map",
+    as_json: options.JsonOption = False,
+    drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
-    drive: options.DriveOption = None,
-    count: Annotated[str, option("-k", "K", "Number of landmarks.", default=True)] = "200",
-    seed: options.SeedOption = "0",
-    frame_id: options.FrameOption = "map",
-    as_json: options.JsonOption = False,
 ) -> None:
     """Write a roadmap of landmarks and certified motions over all free space.
 
     GeoJSON, for nav2's route server, holds the certified motions only, in each direction that may be driven.
     """
-    k, number = options.read_count(count, "-k", 1, MAX_LANDMARKS), options.read_count(seed, "--seed", 0)
-    given, frame = options.RobotOptions.read(robot, turning_radius, forward_only, drive), options.read_frame(frame_id)
-    file = options.output_file(output, SUFFIXES)
-    assert file is not None  # noqa: S101  # only an option that is not given has none
+    begun = perf_counter()
     with console.progress("loading") as progress:
-        begun = perf_counter()
-        loaded = options.load_world(world, keepout, speed_mask)
-        options.protect_inputs((*loaded.sources, *given.files), file)
-        body = given.robot_in(loaded)
-        loaded = options.grown_for(loaded, body)
+        loaded, body = options.RobotOptions(robot, turning_radius, forward_only, drive).load(world, [output])
 
         from trailmark import LandmarkPlanner
 
         progress.stage("preparing (compiles on first use)")
-        planner = LandmarkPlanner(loaded, body, seed=number)
+        planner = LandmarkPlanner(loaded, body, seed=seed)
         progress.stage("placing landmarks")
-        built = planner.build(k)
+        built = planner.build(count)
         progress.stage("certifying")
         built.certify_all()
         progress.stage("writing")
-        built.save(file, frame)
-    record: dict[str, Any] = {"world": loaded.name, "robot": body.describe(), "landmarks": len(built)}
-    record |= {"edges": int(built.certified.sum()), "seed": number, "time": perf_counter() - begun}
+        built.save(output, frame_id)
+    edges, seconds = int(built.certified.sum()), perf_counter() - begun
     if as_json:
-        console.say(console.json_text(record))
-    else:
-        _print_summary(record, file)
-
-
-def _print_summary(record: dict[str, Any], file: Path) -> None:
-    console.say(f"{record['world']}: {record['landmarks']:,} landmarks, {record['edges']:,} certified edges", bold=True)
-    rows = [("robot", record["robot"]), ("seed", str(record["seed"])), ("time", f"{record['time']:.3f} s")]
-    console.print_table([*rows, ("written", str(file))], indent="  ")
+        record = {"world": loaded.name, "robot": body.describe(), "landmarks": len(built), "edges": edges}
+        console.say(console.json_text(record | {"seed": seed, "time": seconds}))
+        return
+    console.say(f"{loaded.name}: {len(built):,} landmarks, {edges:,} certified edges", bold=True)
+    rows = [("robot", body.describe()), ("seed", f"{seed}"), ("time", f"{seconds:.3f} s"), ("written", f"{output}")]
+    console.print_table(rows, indent="  ")

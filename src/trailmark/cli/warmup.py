@@ -27,10 +27,7 @@ def warmup(as_json: JsonOption = False) -> None:
 
     begun, before = time.perf_counter(), len(_kept()[0])
     stages = _stages()
-    with (
-        console.progress("preparing (compiles on first use)") as progress,
-        side_by_side(list(stages.values())),
-    ):
+    with console.progress("preparing (compiles on first use)") as progress, side_by_side(list(stages.values())):
         for done, (name, warm) in enumerate(stages.items()):
             progress.stage(f"preparing the kernels for {name}")
             progress.done = done, len(stages)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from trailmark.cli import console, options
+from trailmark.cli.options import argument, option
 
 if TYPE_CHECKING:
     from trailmark.world import World
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["app"]
 
 app = typer.Typer(invoke_without_command=True)
+MASK = options.InputFile("MASK.yaml")
 
 
 @app.callback()
@@ -35,72 +38,66 @@ def list_worlds(context: typer.Context, as_json: options.JsonOption = False) -> 
     console.print_table(rows)
 
 
-@app.command("show")
 def show(
     world: options.WorldArgument,
     robot: options.RobotOption = None,
-    keepout: options.KeepoutOption = None,
-    speed_mask: options.SpeedMaskOption = None,
     plot: options.PlotOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Show what a world contains; --plot draws it."""
-    picture = options.output_file(plot, options.PICTURE_SUFFIXES)
     with console.progress("loading") as progress:
-        loaded = _load(world, robot, keepout, speed_mask)
-        options.protect_inputs((*loaded.sources, *options.robot_file(robot)), picture)
-        if picture is not None:
+        loaded = _load(world, robot)
+        options.protect_inputs((*loaded.sources, *(robot.files if robot else ())), plot)
+        if plot is not None:
             from trailmark.plotting import save_world_figure
 
             progress.stage("drawing")
-            save_world_figure(picture, loaded)
+            save_world_figure(plot, loaded)
     facts = _facts(loaded)
     if as_json:
         console.say(console.json_text(facts))
         return
     console.say(loaded.name, bold=True)
-    kinds = ", ".join(f"{n} {kind}{'s' if n > 1 else ''}" for kind, n in sorted(facts["kinds"].items()))
     names = [query["name"] for query in facts["queries"]]
+    listed = f" ({', '.join(names[:8])}{', …' if len(names) > 8 else ''})" if names else ""
     xmin, ymin, xmax, ymax = loaded.bounds
     rows = [
         ("bounds", f"x {xmin:g} to {xmax:g}, y {ymin:g} to {ymax:g} ({_size(facts)})"),
         ("boundary", f"polygon of {len(loaded.boundary.vertices)} vertices" if loaded.boundary else "none"),
-        ("obstacles", f"{facts['obstacles']:,}" + (f" ({kinds})" if kinds else "")),
+        ("obstacles", _counted({f"{kind}{'s' * (n > 1)}": n for kind, n in facts["kinds"].items()})),
+        *([("zones", _counted(facts["zones"]))] if facts["zones"] else []),
         ("robot", facts["robot"] or "none"),
-        (
-            "queries",
-            f"{len(names):,}" + (f" ({', '.join(names[:8])}{', …' if len(names) > 8 else ''})" if names else ""),
-        ),
+        ("queries", f"{len(names):,}{listed}"),
+        *([("written", str(plot))] if plot else []),
     ]
-    if loaded.zones:
-        zones = ", ".join(f"{n} {kind}" for kind, n in sorted(facts["zones"].items()))
-        rows.insert(3, ("zones", f"{len(loaded.zones):,} ({zones})"))
-    if picture is not None:
-        rows.append(("written", str(picture)))
     console.print_table(rows, indent="  ")
 
 
-@app.command("convert")
 def convert(
-    world: Annotated[
-        str, typer.Argument(metavar="IN", help="World file in any format that plan reads.", show_default=False)
-    ],
-    output: Annotated[str, typer.Argument(metavar="OUT", help="trailmark YAML file to write.", show_default=False)],
+    world: Annotated[str, argument("IN", "World file in any format that plan reads.")],
+    output: Annotated[Path, argument("OUT", "trailmark YAML file to write.", options.OutputFile(".yaml", ".yml"))],
     robot: options.RobotOption = None,
-    keepout: options.KeepoutOption = None,
-    speed_mask: options.SpeedMaskOption = None,
+    keepout: Annotated[Path | None, option(MASK, "nav2 keep-out mask; occupied cells become keep-out zones.")] = None,
+    speed_mask: Annotated[
+        Path | None, option(MASK, "nav2 speed mask; cells become speed limits, percentages of --max-speed.")
+    ] = None,
+    max_speed: Annotated[float, option(options.SPEED, "What the percentages are of.")] = 1.0,
 ) -> None:
-    """Convert a world of any format to trailmark YAML."""
-    file = options.output_file(output, (".yaml", ".yml"))
-    assert file is not None  # noqa: S101  # only an option that is not given has none
+    """Convert a world of any format to trailmark YAML.
+
+    nav2's masks become zones of the world, for plan, check and all other commands.
+    """
     with console.progress("converting"):
-        loaded = _load(world, robot, keepout, speed_mask)
-        options.protect_inputs((*loaded.sources, *options.robot_file(robot)), file)
-        loaded.save(file)
-    console.note(f"{file}: {len(loaded.obstacles):,} obstacles, {len(loaded.queries):,} queries")
+        loaded = _load(world, robot)
+        if keepout is not None:
+            loaded = loaded.with_mask(keepout, "keep-out")
+        if speed_mask is not None:
+            loaded = loaded.with_mask(speed_mask, "speed", max_speed=max_speed)
+        options.protect_inputs((*loaded.sources, *(robot.files if robot else ())), output)
+        loaded.save(output)
+    console.note(f"{output}: {len(loaded.obstacles):,} obstacles, {len(loaded.queries):,} queries")
 
 
-@app.command("schema")
 def schema() -> None:
     """Print the JSON Schema of world files, for editors."""
     from trailmark.formats import world_json_schema
@@ -108,10 +105,9 @@ def schema() -> None:
     console.say(json.dumps(world_json_schema(), indent=2))
 
 
-def _load(text: str, robot: str | None, keepout: str | None, speed_mask: str | None) -> World:
-    given = options.read_robot(robot)
-    world = options.load_world(text, keepout, speed_mask)
-    return world if given is None else world.with_robot(given)
+def _load(text: str, robot: options.RobotSpec | None) -> World:
+    world = options.load_world(text)
+    return world if robot is None else world.with_robot(robot.robot)
 
 
 def _facts(world: World) -> dict[str, Any]:
@@ -125,6 +121,12 @@ def _facts(world: World) -> dict[str, Any]:
         "robot": world.robot.describe() if world.robot else None,
         "queries": [query.to_dict() for query in world.queries],
     }
+
+
+def _counted(kinds: dict[str, int]) -> str:
+    """Return a total with its parts."""
+    parts = ", ".join(f"{n} {kind}" for kind, n in sorted(kinds.items()))
+    return f"{sum(kinds.values()):,}" + (f" ({parts})" if parts else "")
 
 
 def _size(facts: dict[str, Any]) -> str:

@@ -3,6 +3,9 @@
 The one package of trailmark that imports ompl.
 """
 
+import warnings
+from typing import Any
+
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.errors import (
     BoundsError,
@@ -16,7 +19,7 @@ from trailmark.ompl_bridge.guard import planning, solve
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import Mixture
 from trailmark.ompl_bridge.objective import PathObjective
-from trailmark.ompl_bridge.planner import LandmarkPlanner
+from trailmark.ompl_bridge.planner import OmplLandmarkPlanner
 from trailmark.ompl_bridge.planners import planner_named, planner_names
 from trailmark.ompl_bridge.problem import SE2Problem, simple_setup
 from trailmark.ompl_bridge.samplers import LandmarkValidStateSampler, PluggedSampler, plug_landmark_sampler
@@ -26,12 +29,12 @@ __all__ = [
     "BoundsError",
     "BridgeError",
     "LandmarkError",
-    "LandmarkPlanner",
     "LandmarkSource",
     "LandmarkValidStateSampler",
     "Mixture",
     "MotionValidator",
     "ObjectiveError",
+    "OmplLandmarkPlanner",
     "PathObjective",
     "PlannerNameError",
     "PluggedSampler",
@@ -51,3 +54,10 @@ __all__ = [
     "states_of",
     "write_state",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "LandmarkPlanner":  # trailmark.LandmarkPlanner is another
+        warnings.warn("expected OmplLandmarkPlanner, got its old name", DeprecationWarning, stacklevel=2)
+        return OmplLandmarkPlanner
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

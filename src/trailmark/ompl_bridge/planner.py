@@ -27,8 +27,7 @@ from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.sparse_path import sparse_path
 from trailmark.ompl_bridge.states import path_to_ompl, starts_and_goal
-from trailmark.planning import LandmarkPlanner as Planner
-from trailmark.planning import PlannerSettings, PlanProgress, PlanResult
+from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanProgress, PlanResult
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap
 from trailmark.trajectories import CurvePath, Path
@@ -36,7 +35,7 @@ from trailmark.world import World
 from trailmark.world.goals import Ends
 from trailmark.world.objective import Objective
 
-__all__ = ["LandmarkPlanner"]
+__all__ = ["OmplLandmarkPlanner"]
 
 POLL = 0.002
 """Seconds between two calls of the termination condition."""
@@ -48,7 +47,7 @@ GRACE = 0.05
 """Seconds that the query gets to end by itself once the termination condition holds."""
 
 
-class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carry no types
+class OmplLandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carry no types
     """Landmarks, roadmap and shortest path, as an ``ob.Planner``.
 
     It plans in trailmark's own world and does not ask OMPL's checker state by state. The space decides how the robot
@@ -104,7 +103,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         self._seed = None if seed is None else whole(seed, "seed:", 0)
         self._keep = truth(keep_roadmap, "keep_roadmap:")
         self._settings = PlannerSettings() if settings is None else one_of(settings, PlannerSettings, "settings:")
-        self._planner: Planner | None = None
+        self._planner: LandmarkPlanner | None = None
         self._charges = Objective()
         self._work: _Work | None = None
         self.result: PlanResult | None = None
@@ -169,7 +168,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         if goal is None or not ends or (goals is None and not self.checker.valid(goal)):
             return ob.PlannerStatus(status.INVALID_GOAL)
         if self._planner is None or self._charges != charges:
-            self._planner = Planner(
+            self._planner = LandmarkPlanner(
                 self.checker.world,
                 checker=self.checker,
                 seed=self._seed,
@@ -226,7 +225,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
 class _Work(threading.Thread):
     """One query in a thread of its own, so that the termination condition can be called meanwhile."""
 
-    def __init__(self, planner: Planner, starts: se2.FloatArray, goal: Ends) -> None:
+    def __init__(self, planner: LandmarkPlanner, starts: se2.FloatArray, goal: Ends) -> None:
         # Not a daemon: Python waits for it before the process ends, which a thread in compiled code would abort.
         super().__init__(name="trailmark-landmark", daemon=False)
         self.planner, self.starts, self.goal = planner, starts, goal

@@ -92,7 +92,7 @@ class SE2Problem:
         """Plan in another world from now on, with the same space; start and goal stay, and may no longer be valid.
 
         What the planner has built is cleared, since its motions were checked in the world before; a
-        :class:`~trailmark.ompl_bridge.LandmarkPlanner` keeps what is still true of its roadmap. Landmarks that were
+        :class:`~trailmark.ompl_bridge.OmplLandmarkPlanner` keeps what is still true of its roadmap. Landmarks that were
         plugged in (:func:`~trailmark.ompl_bridge.plug_landmark_sampler`) are to be plugged in again.
 
         Args:
