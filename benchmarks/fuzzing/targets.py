@@ -126,7 +126,7 @@ def _public(name: str, robot: Robot | None) -> Callable[[Path], None]:
     """Return a reader of a public suite's file."""
 
     def read(path: Path) -> None:
-        from trailmark.benchmark.public.catalogue import PUBLIC
+        from trailmark.benchmark.public import PUBLIC
 
         world = PUBLIC[name].world(path.parent, path, [0], robot)
         assert len(world.queries) == 1

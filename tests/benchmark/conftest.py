@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from trailmark.benchmark.isolation.worker import Worker
+from trailmark.benchmark.planners import DEFAULT
 from trailmark.benchmark.problems import Job, Problem, problems_of
-from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.status import Status
+from trailmark.benchmark.record import RunRecord, Status
 from trailmark.benchmark.store import Experiment, Store
+from trailmark.benchmark.workers import Worker
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Query, Robot, World
 
@@ -54,7 +54,7 @@ def worker() -> Iterator[Worker]:
 
 
 def job(problem: Problem, planner: str, seed: int = 0, limit: float = 0.2, memory: float = 2048.0) -> dict[str, Any]:
-    return Job(problem.key, problem.text, planner, seed, limit, memory, problem.resolution()).to_dict()
+    return Job(problem.key, problem.text, planner, seed, limit, memory, DEFAULT.metres(problem.robot)).to_dict()
 
 
 def experiment(**changes: Any) -> Experiment:

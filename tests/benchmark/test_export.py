@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark.benchmark.export import problem_text
+from trailmark.benchmark.native import problem_text
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 

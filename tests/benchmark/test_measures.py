@@ -10,8 +10,7 @@ import shapely
 from tests.benchmark.conftest import GOAL, START, small_world
 
 from trailmark import se2
-from trailmark.benchmark.measures import PRECISE, measured
-from trailmark.benchmark.referee import Referee
+from trailmark.benchmark.referee import PRECISE, Referee, path_measures
 from trailmark.curves import CurvePath, Steering
 from trailmark.path import Path
 from trailmark.shapes import Disc, Polygon
@@ -24,20 +23,20 @@ SCALE = 0.2
 
 def test_a_straight_path_is_smooth_and_a_place_has_no_length() -> None:
     judge = Referee(EMPTY, ROBOT)
-    found = measured(judge, [(0, 0, 0), (3, 0, 1), (10, 0, 0)], SCALE)
+    found = path_measures(judge, [(0, 0, 0), (3, 0, 1), (10, 0, 0)], SCALE)
     assert (found.smoothness, found.max_curvature) == (0.0, 0.0)
-    turned = measured(judge, [(0, 0, 0), (0, 0, 3)], SCALE)
+    turned = path_measures(judge, [(0, 0, 0), (0, 0, 3)], SCALE)
     assert (turned.smoothness, turned.max_curvature) == (0.0, 0.0)
 
 
 def test_a_corner() -> None:
-    found = measured(Referee(EMPTY, ROBOT), [(0, 0, 0), (4, 0, 0), (4, 0, 1), (4, 6, 0)], SCALE)
+    found = path_measures(Referee(EMPTY, ROBOT), [(0, 0, 0), (4, 0, 0), (4, 0, 1), (4, 6, 0)], SCALE)
     assert found.smoothness == pytest.approx(0.5 * math.pi / 10.0)
     assert found.max_curvature == pytest.approx(0.5 * math.pi / SCALE)
     # A circle of many short motions is measured as a circle, not as corners.
     angles = np.linspace(0.0, math.pi, 400)
     circle = np.column_stack([3.0 * np.cos(angles), 3.0 * np.sin(angles), np.zeros(400)])
-    round_one = measured(Referee(EMPTY, ROBOT), circle, SCALE)
+    round_one = path_measures(Referee(EMPTY, ROBOT), circle, SCALE)
     assert round_one.smoothness == pytest.approx(1.0 / 3.0, rel=1e-2)
     assert round_one.max_curvature == pytest.approx(1.0 / 3.0, rel=5e-2)
 
@@ -48,7 +47,7 @@ def test_a_car_has_the_curvature_of_its_circles(scale: float) -> None:
     judge = Referee(EMPTY, car)
     # A parking manoeuvre: sideways, by several changes of direction.
     states = np.array([(0.0, 0.0, 0.0), (0.0, 2.0, 0.0)])
-    found = measured(judge, states, scale)
+    found = path_measures(judge, states, scale)
     assert found.max_curvature == pytest.approx(1.0 / 4.5, rel=0.05)
     path = CurvePath(states, Steering(4.5))
     assert path.cusps > 0
@@ -88,7 +87,7 @@ def test_the_least_clearance(robot: Robot, bent: bool) -> None:
         if judge.fault(states, START, GOAL) is not None:
             continue
         accepted += 1
-        found, wanted = measured(judge, states, SCALE).min_clearance, least(world, robot, states)
+        found, wanted = path_measures(judge, states, SCALE).min_clearance, least(world, robot, states)
         # The walk may step over the very place by two millimetres.
         assert -5e-3 <= found - wanted <= 3.0 * PRECISE
 

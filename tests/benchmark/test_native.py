@@ -15,18 +15,17 @@ from tests.helpers.oracle import Oracle
 from tests.support.trials import few
 
 from trailmark.benchmark import native
-from trailmark.benchmark.export import problem_text
 from trailmark.benchmark.native import (
     NativeError,
     native_planners,
     native_program,
     native_versions,
+    problem_text,
     run_native,
 )
 from trailmark.benchmark.problems import Problem
-from trailmark.benchmark.record import RunRecord
+from trailmark.benchmark.record import RunRecord, Status
 from trailmark.benchmark.referee import Referee
-from trailmark.benchmark.status import Status
 from trailmark.collision import StateChecker
 from trailmark.path import Path as StatePath
 from trailmark.shapes import Disc, Polygon, Rectangle

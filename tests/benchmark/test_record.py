@@ -8,8 +8,7 @@ import pytest
 from ompl import base as ob
 from tests.benchmark.conftest import solved
 
-from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.status import Status
+from trailmark.benchmark.record import RunRecord, Status
 
 
 def test_statuses_have_ompls_numbers() -> None:

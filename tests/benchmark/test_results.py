@@ -11,9 +11,8 @@ import pytest
 from tests.helpers.made_results import run, write_results
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.record import RunRecord
+from trailmark.benchmark.record import RunRecord, Status
 from trailmark.benchmark.results import load_results
-from trailmark.benchmark.status import Status
 from trailmark.benchmark.store import Experiment, Store
 from trailmark.errors import FormatError
 

@@ -14,11 +14,11 @@ from tests.benchmark.conftest import solved
 
 from trailmark.benchmark.environment import versions
 from trailmark.benchmark.errors import StoreError, WorkerError
-from trailmark.benchmark.isolation.executors import Pool
+from trailmark.benchmark.planners import Resolution
 from trailmark.benchmark.problems import Problem
-from trailmark.benchmark.resolution import Resolution
 from trailmark.benchmark.runner import Benchmark, Tally
 from trailmark.benchmark.store import Store
+from trailmark.benchmark.workers import Pool
 
 
 class AtOnce(Executor):

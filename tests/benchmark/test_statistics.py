@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark.benchmark.statistics import paired_ratio, shifted_geometric_mean, step_values, wilson
+from trailmark.benchmark.report import paired_ratio, shifted_geometric_mean, step_values, wilson
 
 INF = math.inf
 

@@ -18,8 +18,7 @@ from ompl.tools import readBenchmarkLog
 from tests.benchmark.conftest import experiment, solved
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.schema import MEASURED
+from trailmark.benchmark.record import MEASURED, RunRecord
 from trailmark.benchmark.store import Store
 from trailmark.errors import OutputError
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from tests.benchmark.conftest import experiment, solved
 
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.results import load_results
+from trailmark.benchmark.results import failure_lines, load_results, summary_rows
 from trailmark.benchmark.store import Store
-from trailmark.benchmark.summary import failure_lines, summary_rows
 
 
 def test_medians_and_counts(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.benchmark.resolution import DEFAULT
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError, WorldError
 from trailmark.path import Path
@@ -79,10 +78,6 @@ class Problem:
         """Return the path of the robot's motions through these states, shape (n, 3)."""
         rows = np.asarray(states, dtype=np.float64)
         return Path(rows) if self.steering is None else CurvePath(rows, self.steering)
-
-    def resolution(self) -> float:
-        """Metres between the states that the discrete baseline checks if nobody says another distance."""
-        return DEFAULT.metres(self.robot)
 
 
 @dataclass(frozen=True)

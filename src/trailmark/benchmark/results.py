@@ -1,10 +1,13 @@
-"""Results: the content of a results database as arrays, problem by problem."""
+"""Results: the content of a results database as arrays, problem by problem, and a few figures of it for the shell."""
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.labels import differences
-from trailmark.benchmark.schema import APPLICATION, MEASURED, VERSION
-from trailmark.benchmark.status import Status
+from trailmark.benchmark.record import MEASURED, Status
+from trailmark.benchmark.store import APPLICATION, BUSY, VERSION
 from trailmark.errors import FormatError, TrailmarkError
 
-__all__ = ["Curve", "Problem", "Results", "Runs", "load_results"]
+__all__ = ["Curve", "Problem", "Results", "Runs", "differences", "failure_lines", "load_results", "summary_rows"]
 
 FloatArray = NDArray[np.float64]
 Curve = tuple[FloatArray, FloatArray]
@@ -28,7 +30,6 @@ Curve = tuple[FloatArray, FloatArray]
 
 ALLOWED = "expected a results database that 'trailmark benchmark' wrote"
 NUMBERS = tuple(name for name, kind in MEASURED.items() if kind != "TEXT")
-BUSY = 5.0
 
 
 @dataclass(frozen=True)
@@ -226,9 +227,12 @@ def _ending(status: float) -> str:
 
 def _json_object(text: object) -> dict[str, Any]:
     try:
-        data = json.loads(str(text))
+        return _as_mapping(json.loads(str(text)))
     except ValueError:
         return {}
+
+
+def _as_mapping(data: Any) -> dict[str, Any]:
     return data if isinstance(data, dict) else {}
 
 
@@ -285,3 +289,87 @@ def _check_schema(db: sqlite3.Connection, file: Path) -> None:
     absent = sorted({"id", "experimentid", "plannerid", *MEASURED} - columns)
     if absent:
         raise StoreError(f"{file}: the table 'runs' has no column {absent[0]!r}; {ALLOWED}")
+
+
+_WORDS = {"time_limit": "limit {} s", "memory_limit": "{} MB", "resolution": "resolution {} m", "problem": "problem {}"}
+
+
+def differences(experiments: Iterable[tuple[int, str, str | None]]) -> dict[int, str]:
+    """Return for each experiment what sets it apart from others of its name; empty where the name alone does.
+
+    Args:
+        experiments: id, name, and the column ``setup``, whose ``identity`` tells problem and limits.
+    """
+    rows = [(key, name, _as_mapping(_json_object(setup).get("identity"))) for key, name, setup in experiments]
+    alike: dict[str, list[Mapping[str, Any]]] = {}
+    for _, name, own in rows:
+        alike.setdefault(name, []).append(own)
+    found: dict[int, str] = {}
+    for key, name, own in rows:
+        fields = [f for f in _WORDS if len({json.dumps(identity.get(f)) for identity in alike[name]}) > 1]
+        words = ", ".join(_WORDS[f].format(_value(own.get(f))) for f in fields)
+        same = sum(all(identity.get(f) == own.get(f) for f in _WORDS) for identity in alike[name])
+        number = f"no. {key}" if same > 1 else ""
+        found[key] = ", ".join(filter(None, [words, number]))
+    return found
+
+
+def _value(value: object) -> str:
+    return value[:8] if isinstance(value, str) else f"{value:g}" if isinstance(value, int | float) else "unknown"
+
+
+HEADER = ("planner", "correct", "refused", "first solution", "cost", "simplified")
+
+
+def summary_rows(results: Results, planners: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return a header and a row for each planner, over all its runs.
+
+    ``correct`` counts what the referee accepts, ``refused`` what the planner called a solution and is none. Of the
+    correct runs: the median time to the first solution, and the medians of cost and of cost after the simplifier, each
+    as a multiple of the problem's best known. Experiments of one name that differ, in their time limit say, have
+    rows of their own.
+    """
+    groups: dict[str, list[Problem]] = {}
+    for problem in results.problems:
+        groups.setdefault(problem.difference, []).append(problem)
+    rows: list[tuple[str, ...]] = [HEADER]
+    for planner, (difference, problems) in itertools.product(planners, groups.items()):
+        found = [
+            (problem.runs[planner], problem.best_cost or math.nan) for problem in problems if planner in problem.runs
+        ]
+        if not found:
+            continue
+        correct, count = sum(int(runs.success.sum()) for runs, _ in found), sum(len(runs) for runs, _ in found)
+        rows.append(
+            (
+                planner + (difference and f" ({difference})"),
+                f"{correct}/{count}",
+                str(sum(runs.refused for runs, _ in found)),
+                _median([runs.first_times for runs, _ in found], "{:.3f} s"),
+                _median([_ratios(runs.costs, best) for runs, best in found], "x {:.3f}"),
+                _median([_ratios(runs.simplified_costs, best) for runs, best in found], "x {:.3f}"),
+            )
+        )
+    return rows
+
+
+def failure_lines(results: Results, planners: Sequence[str]) -> list[str]:
+    """Return a line for each planner whose runs gave reasons for failing: the most frequent reason, and how often."""
+    lines = []
+    for planner in planners:
+        found = [problem.runs[planner] for problem in results.problems if planner in problem.runs]
+        reasons = Counter(" ".join(reason.split()) for runs in found for reason in runs.failures if reason)
+        for reason, count in reasons.most_common(1):
+            lines.append(f"{planner}: {count} of {sum(len(runs) for runs in found)} runs: {reason}")
+    return lines
+
+
+def _ratios(costs: FloatArray, best: float) -> FloatArray:
+    return costs[np.isfinite(costs)] / best
+
+
+def _median(values: Sequence[FloatArray], form: str) -> str:
+    """Return the median of the finite values as words."""
+    known = np.concatenate(values)
+    known = known[np.isfinite(known)]
+    return form.format(np.median(known)) if len(known) else "-"

@@ -13,14 +13,12 @@ from typing import Any
 
 from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.isolation.executors import Pool
-from trailmark.benchmark.isolation.worker import run_job
 from trailmark.benchmark.native import native_versions
-from trailmark.benchmark.planners import settings_of
+from trailmark.benchmark.planners import OWN, Resolution, resolution_of, settings_of
 from trailmark.benchmark.problems import Job, Problem
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.resolution import OWN, Resolution, resolution_of
 from trailmark.benchmark.store import Experiment, Store
+from trailmark.benchmark.workers import Pool, run_job
 
 __all__ = ["Benchmark", "Tally"]
 
@@ -108,7 +106,7 @@ class Benchmark:
                 while missing and len(pending) < 2 * pool.slots():
                     run = missing.popleft()
                     run.tries += 1
-                    pending[pool.executor.submit(run_job, self._job(run).to_dict())] = run
+                    pending[pool.executor.submit(run_job, self._job(run))] = run
                 done, _ = wait(pending, timeout=REPORT_PERIOD, return_when=FIRST_COMPLETED)
                 for future in done:
                     if not self._store_result(store, future, pending[future], tally):
@@ -141,20 +139,13 @@ class Benchmark:
                     missing.append(_Run(experiment, planners[name], problem, name, seed))
         return missing, tally
 
-    def _job(self, run: _Run) -> Job:
-        key = run.problem.key
-        if self._last[0] != key:  # runs on a problem follow one another
-            self._last = (key, run.problem.text)
-        return Job(
-            problem=key,
-            text=self._last[1],
-            planner=run.name,
-            seed=run.seed,
-            time_limit=self.time_limit,
-            memory_limit=self.memory_limit,
-            resolution=(self.resolution or resolution_of(run.name)).metres(run.problem.robot),
-            first=run.name in self.first,
-        )
+    def _job(self, run: _Run) -> dict[str, Any]:
+        problem = run.problem
+        if self._last[0] != problem.key:  # runs on a problem follow one another
+            self._last = problem.key, problem.text
+        resolution = (self.resolution or resolution_of(run.name)).metres(problem.robot)
+        limits, first = (self.time_limit, self.memory_limit), run.name in self.first
+        return Job(problem.key, self._last[1], run.name, run.seed, *limits, resolution, first).to_dict()
 
     def _experiment(self, problem: Problem) -> Experiment:
         robot = problem.robot
@@ -214,8 +205,5 @@ class Benchmark:
 
     def _time_left(self, waiting: Counter[str], slots: int) -> float:
         """Return the seconds that the waiting runs will take, from what the planners' runs took so far."""
-        seconds = 0.0
-        for planner, count in waiting.items():
-            spent = self._spent.get(planner)
-            seconds += count * (sum(spent) / len(spent) if spent else self.time_limit)
-        return seconds / max(1, slots)
+        means = {name: sum(spent) / len(spent) for name, spent in self._spent.items()}
+        return sum(n * means.get(name, self.time_limit) for name, n in waiting.items()) / max(1, slots)

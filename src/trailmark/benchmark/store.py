@@ -1,7 +1,9 @@
 """Store: the results database, an SQLite file in Planner Arena's schema, to which each run is written as it ends.
 
-The file is whole at every moment: each run is one transaction that is on the disk before the next one begins. Of two
-programs that want to write, the second gets an error; reading is always possible.
+Planner Arena and OMPL's ``ompl_benchmark_statistics`` ask for the tables ``experiments``, ``plannerConfigs``,
+``enums``, ``runs`` and ``progress``, and take any further columns of the last two as what was measured. The file is
+whole at every moment: each run is one transaction that is on the disk before the next one begins. Of two programs that
+want to write, the second gets an error; reading is always possible.
 """
 
 from __future__ import annotations
@@ -18,15 +20,48 @@ from types import TracebackType
 from typing import Any, Self
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.schema import APPLICATION, DDL, ENUMS, MEASURED, VERSION
+from trailmark.benchmark.record import MEASURED, RunRecord, Status
 from trailmark.errors import OutputError
 from trailmark.formats.files import check_writable
 
-__all__ = ["Experiment", "Store"]
+__all__ = ["APPLICATION", "DDL", "ENUMS", "VERSION", "Experiment", "Store"]
 
 BUSY = 5.0
 """Seconds to wait for another program that has the database locked for a moment."""
+
+
+VERSION = 1
+"""Of the schema, in the database's ``user_version``."""
+
+APPLICATION = 0x74726D6B
+"""``trmk``: tells trailmark's results from other SQLite files, in the database's ``application_id``."""
+
+ENUMS = [("status", int(status), status.description) for status in Status]
+
+DDL = (
+    """CREATE TABLE experiments (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    name VARCHAR(512), totaltime REAL, timelimit REAL, memorylimit REAL, runcount INTEGER, version VARCHAR(128),
+    hostname VARCHAR(1024), cpuinfo TEXT, date DATETIME, seed VARCHAR(24), setup TEXT)""",
+    """CREATE TABLE plannerConfigs (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    name VARCHAR(512) NOT NULL, settings TEXT)""",
+    """CREATE TABLE enums (
+    name VARCHAR(512), value INTEGER, description TEXT,
+    PRIMARY KEY (name, value))""",
+    f"""CREATE TABLE runs (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    experimentid INTEGER, plannerid INTEGER,
+    {", ".join(f"{name} {kind}" for name, kind in MEASURED.items())},
+    FOREIGN KEY (experimentid) REFERENCES experiments(id) ON DELETE CASCADE,
+    FOREIGN KEY (plannerid) REFERENCES plannerConfigs(id) ON DELETE CASCADE)""",
+    """CREATE TABLE progress (
+    runid INTEGER, time REAL, best_cost REAL,
+    PRIMARY KEY (runid, time),
+    FOREIGN KEY (runid) REFERENCES runs(id) ON DELETE CASCADE)""",
+    "CREATE UNIQUE INDEX one_run_a_seed ON runs (experimentid, plannerid, seed)",
+    "CREATE UNIQUE INDEX one_name_a_planner ON plannerConfigs (name, settings)",
+)
 
 
 @dataclass(frozen=True)
@@ -121,7 +156,13 @@ class Store:
             for row, setup, runs in alike.fetchall():
                 there = json.loads(setup)
                 if there["identity"] == json.loads(json.dumps(dict(wanted.identity))):
-                    self._require_same(there["conditions"], wanted.conditions)
+                    before, now = there["conditions"], wanted.conditions
+                    for name in sorted({*before, *now}):
+                        if before.get(name) != now.get(name):
+                            raise StoreError(
+                                f"{self.path}: its runs were made with {name} {before.get(name)}, now it is "
+                                f"{now.get(name)}; expected the same, or another --output"
+                            )
                     self._db.execute("UPDATE experiments SET runcount = ? WHERE id = ?", (max(runs, wanted.runs), row))
                     return int(row)
             columns = {
@@ -137,7 +178,7 @@ class Store:
     def planner(self, name: str, settings: str) -> int:
         """Return the id of a planner with these settings, of a new row if need be."""
         with self._errors_in_one_line(), self._transaction():
-            keys = (name, settings)
+            keys = name, settings
             self._db.execute("INSERT OR IGNORE INTO plannerConfigs (name, settings) VALUES (?, ?)", keys)
             found = self._db.execute("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", keys).fetchone()
             return int(found[0])
@@ -150,8 +191,8 @@ class Store:
 
     def add(self, experiment: int, planner: int, record: RunRecord) -> bool:
         """Write a run, on the disk when this returns; return False if one of that seed is there already."""
-        values = record.to_json()
-        row = [_cell(values[name]) for name in MEASURED]
+        values = [getattr(record, name) for name in MEASURED]
+        row = [json.dumps(value, separators=(",", ":")) if isinstance(value, list) else value for value in values]
         names = ", ".join(["experimentid", "plannerid", *MEASURED])
         marks = ", ".join("?" * (len(MEASURED) + 2))
         spent = sum(t or 0.0 for t in (record.time, record.simplification_time, record.overhead))
@@ -192,15 +233,6 @@ class Store:
         elif version != VERSION:
             raise StoreError(f"{self.path}: expected schema version {VERSION} or a new file, got version {version}")
 
-    def _require_same(self, there: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-        other = [name for name in sorted({*there, *now}) if there.get(name) != now.get(name)]
-        if other:
-            name = other[0]
-            raise StoreError(
-                f"{self.path}: its runs were made with {name} {there.get(name)}, now it is "
-                f"{now.get(name)}; expected the same, or another --output"
-            )
-
     @contextmanager
     def _transaction(self) -> Iterator[None]:
         self._db.execute("BEGIN IMMEDIATE")
@@ -224,10 +256,6 @@ class Store:
             raise StoreError(
                 f"{self.path}: {problem}; expected a database of trailmark benchmark, or a new file"
             ) from None
-
-
-def _cell(value: Any) -> Any:
-    return json.dumps(value, separators=(",", ":")) if isinstance(value, list) else value
 
 
 def _locked(path: Path) -> int:

@@ -25,8 +25,7 @@ def report(
     """
     page = output_file(html, (".html", ".htm"))
     protect_inputs([Path(results)], page)
-    from trailmark.benchmark.results import load_results
-    from trailmark.benchmark.summary import failure_lines, summary_rows
+    from trailmark.benchmark.results import failure_lines, load_results, summary_rows
 
     with console.progress("reading the results") as progress:
         found = load_results(Path(results))

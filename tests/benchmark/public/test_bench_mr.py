@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.benchmark.public.catalogue import PUBLIC
+from trailmark.benchmark.public import PUBLIC
 from trailmark.world import Robot, World
 
 CAR = "m 0,0 0,94 54,0 0,-94 z"

@@ -9,8 +9,8 @@ import pytest
 from tests.support.trials import few
 
 from trailmark.benchmark.errors import SuiteError
+from trailmark.benchmark.public import PUBLIC
 from trailmark.benchmark.public.base import evenly, in_order
-from trailmark.benchmark.public.catalogue import PUBLIC, folder_of
 from trailmark.collision import StateChecker
 from trailmark.world import World
 
@@ -37,19 +37,19 @@ def test_a_wrong_folder_is_told_in_one_line(name: str, tmp_path: Path) -> None:
     suite = PUBLIC[name]
     if not suite.published:
         with pytest.raises(SuiteError, match="expected no --data"):
-            folder_of(suite, str(tmp_path))
+            suite.folder(str(tmp_path))
         return
     with pytest.raises(SuiteError, match="--data is missing; expected a folder with"):
-        folder_of(suite, None)
+        suite.folder(None)
     with pytest.raises(SuiteError, match=r"--data: expected a folder with .*, got 'nowhere'"):
-        folder_of(suite, "nowhere")
+        suite.folder("nowhere")
     with pytest.raises(SuiteError, match=f"suite {name}: expected .*, got none of it"):
         list(suite.worlds(tmp_path, suite.find(tmp_path), None, None))
 
 
 def posed(name: str, folder: Path | None, count: int) -> list[World]:
     suite = PUBLIC[name]
-    at = folder_of(suite, None if folder is None else str(folder))
+    at = suite.folder(None if folder is None else str(folder))
     return list(suite.worlds(at, suite.find(at), count, None))
 
 

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.benchmark.public.catalogue import PUBLIC
+from trailmark.benchmark.public import PUBLIC
 from trailmark.benchmark.public.graded import CLUTTER, SPARE
 from trailmark.world import Robot, World
 

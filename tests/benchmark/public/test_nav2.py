@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.benchmark.public.catalogue import PUBLIC
+from trailmark.benchmark.public import PUBLIC
 from trailmark.benchmark.public.nav2 import START, Places, is_map
 from trailmark.world import Robot
 

@@ -10,7 +10,7 @@ import shapely
 from PIL import Image
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.benchmark.public.catalogue import PUBLIC
+from trailmark.benchmark.public import PUBLIC
 from trailmark.errors import FormatError
 from trailmark.world import Robot, World
 

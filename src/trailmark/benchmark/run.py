@@ -1,37 +1,44 @@
 """One run, in the process forked for it: plan, report the result, then measure what was built.
 
-The answer goes out in parts, each a JSON object with fields of :class:`~trailmark.benchmark.record.RunRecord`, so that
-a crash in a later part (counting the graph, simplifying the path) does not take the planning's result with it.
+The answer goes out in parts, each with fields of :class:`~trailmark.benchmark.record.RunRecord`, so that a crash in a
+later part (counting the graph, simplifying the path) does not take the planning's result with it.
 """
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import inspect
 import os
 import sys
 from collections.abc import Callable, Generator, Iterator, Mapping
+from functools import lru_cache
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from trailmark import se2
-from trailmark.benchmark.isolation.memory import MemoryPeak
-from trailmark.benchmark.isolation.prepared import CountingChecker, Prepared
-from trailmark.benchmark.planner_name import PlannerName
-from trailmark.benchmark.planners import method_settings
-from trailmark.benchmark.status import Status
+from trailmark.benchmark.planners import PlannerName, method_settings
+from trailmark.benchmark.problems import read_problem
+from trailmark.benchmark.record import Status
+from trailmark.benchmark.referee import Referee, path_measures
+from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
+from trailmark.motion import kind_of
+from trailmark.motion.pointwise import CurveMarks, PointwiseChecker
 from trailmark.path import Path
 from trailmark.planning.settings import METHODS
+from trailmark.planning.warmup import warm_up
+from trailmark.world import Robot, World
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from trailmark.collision import StateChecker
     from trailmark.ompl_bridge.problem import SE2Problem
     from trailmark.planning import LandmarkPlanner, PlanProgress
 
-__all__ = ["PREPARING", "WAIT", "Answer", "answers", "latest"]
+__all__ = ["PREPARING", "WAIT", "MemoryPeak", "Prepared", "answers", "load_all"]
 
 GRACE = (0.02, 0.05)
 """Seconds, and share of the time limit (the larger counts), after which a solution comes too late for any planner."""
@@ -57,6 +64,63 @@ Graph = Callable[[], tuple[int, int]]
 _LANDMARK = {"solved": Status.EXACT_SOLUTION, "timeout": Status.TIMEOUT, "infeasible": Status.INFEASIBLE}
 
 
+class Prepared:
+    """A problem with all that does not count as a planner's own time: it is read, its checker built, kernels loaded.
+
+    Args:
+        text: as in :class:`trailmark.benchmark.problems.Job`.
+
+    Attributes:
+        problem: world, robot and query.
+        ends: start and goal, each of shape (3,).
+        checker: the one that every planner gets.
+        setup_time: seconds for reading and for building the checker.
+    """
+
+    def __init__(self, text: str) -> None:
+        begin = perf_counter()
+        self.problem = read_problem(text)
+        read = perf_counter() - begin
+        # Compiled or loaded from the cache for this kind of motion: no planner's time.
+        warm_up(kind_of(self.problem.robot))
+        begin = perf_counter()
+        self.checker = StateChecker(self.problem.world, self.problem.robot)
+        self.setup_time = read + perf_counter() - begin
+        if self.problem.steering is not None:
+            # They compile what OMPL's simplifier asks of a car's curves: a process whose time is up would never finish.
+            CurveMarks(PointwiseChecker(self.checker, self.problem.steering))
+        query = self.problem.query
+        self.ends = tuple(se2.configurations([query.start, query.pose()]))
+        self._referee = Referee(self.problem.world, self.problem.robot)
+
+    def judged(self, answer: Mapping[str, Any]) -> Answer:
+        """Return the referee's fields of a solved run; what a planner calls a solution and is none is a failure."""
+        fault = self._referee.fault(answer["path"], *self.ends)
+        if fault is not None:
+            return {"failure": f"refused: {fault}"}
+        scale = self.problem.robot.inscribed_disc.radius
+        found: Answer = {"correct_solution": True, **path_measures(self._referee, answer["path"], scale)._asdict()}
+        if answer.get("simplified_path"):
+            fault = self._referee.fault(answer["simplified_path"], *self.ends)
+            if fault is not None:
+                found |= {"simplified_solution_length": None, "failure": f"simplified path refused: {fault}"}
+        return found
+
+
+def load_all() -> None:
+    """Load what runs need, and compile what they call; OMPL's own random numbers stay untouched."""
+    from trailmark.ompl_bridge import measured  # noqa: F401  # loaded for the children
+
+    warm_up()
+    checker = StateChecker(World("warm-up", (0.0, 0.0, 4.0, 4.0)), Robot.rectangle(0.6, 0.4))
+    single = PointwiseChecker(checker)
+    single.valid(1.0, 1.0, 0.0)
+    single.clearance(1.0, 1.0, 0.0)
+    single.step_valid(1.0, 1.0, 0.0, 2.0, 2.0, 0.5)
+    single.motion_valid((1.0, 1.0, 0.0), (2.0, 2.0, 0.5))
+    checker.motions_by_field(np.ones((1, 3)), np.full((1, 3), 2.0))
+
+
 def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
     """Run a job's planner and yield the parts of its answer.
 
@@ -68,39 +132,39 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
         if not prepared.checker.valid(end):
             yield {"status": int(status), "time": 0.0, "failure": status.description.lower()}
             return
-    name = PlannerName.parse(str(job["planner"])).base
-    if name.startswith("native:"):
-        yield _native(prepared, job)
+    name, limit, graph = PlannerName.parse(str(job["planner"])), float(job["time_limit"]), None
+    if name.native:
+        from trailmark.benchmark.native import run_native
+
+        answer = run_native(prepared.problem, job)
+        yield _in_time(answer, limit) if "curve" in answer else answer
         return
-    if ":" in name:
-        answer, graph = (yield from _own(prepared, job)), None
+    if name.own:
+        answer = yield from _own(prepared, job)
     else:
         # Whoever heeds no limit may take as long again.
-        yield {WAIT: float(job["time_limit"])}
-        _settle(prepared, job)
+        yield {WAIT: limit}
+        _settle(prepared, job, name)
         yield {WAIT: 0.0}
-        answer, graph = (_landmark if name in METHODS else _ompl)(prepared, job)
-    answer = _in_time(answer, latest(float(job["time_limit"])))
+        answer, graph = (_landmark if name.base in METHODS else _ompl)(prepared, job, name)
+    answer = _in_time(answer, limit)
     yield answer
     if graph is not None:
-        nodes, edges = graph()
-        yield {"graph_states": nodes, "graph_motions": edges}
+        yield dict(zip(("graph_states", "graph_motions"), graph(), strict=True))
     # OMPL has no space for a differential drive, in which its simplifier could shorten.
     if answer["solved"] and not job.get("first") and prepared.problem.robot.drive != "differential":
         yield _simplified(prepared, answer["path"])
 
 
-def _settle(prepared: Prepared, job: Mapping[str, Any]) -> None:
+def _settle(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> None:
     """Plan the problem itself for a moment with another seed, by a planner that is dropped, as native programs do.
 
     The memory that a forked process uses for the first time is copied for it. That takes milliseconds, which are not
     the planner's, and which users of a running program do not wait for.
     """
-    name, limit = PlannerName.parse(str(job["planner"])), min(SETTLING, float(job["time_limit"]))
-    seed = int(job["seed"]) + SEED_OFFSET
+    limit, seed = min(SETTLING, float(job["time_limit"])), int(job["seed"]) + SEED_OFFSET
     if name.base in METHODS:
-        planner = _landmark_planner(prepared, prepared.checker, name, seed)
-        planner.plan(*prepared.ends, time_limit=limit)
+        _landmark_planner(prepared, prepared.checker, name, seed).plan(*prepared.ends, time_limit=limit)
         return
     from trailmark.ompl_bridge import measured
 
@@ -108,15 +172,14 @@ def _settle(prepared: Prepared, job: Mapping[str, Any]) -> None:
     measured.measure(problem, name.algorithm, limit, parameters=name.parameters)
 
 
-def latest(time_limit: float) -> float:
+def _latest(time_limit: float) -> float:
     """Return the seconds after which a solution comes too late."""
     return time_limit + max(GRACE[0], GRACE[1] * time_limit)
 
 
-def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
+def _ompl(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> tuple[Answer, Graph]:
     from trailmark.ompl_bridge import measured
 
-    name = PlannerName.parse(str(job["planner"]))
     problem = _ompl_problem(prepared, name, int(job["seed"]), float(job["resolution"]))
     peak = MemoryPeak()
     limit, first = float(job["time_limit"]), bool(job.get("first"))
@@ -144,14 +207,8 @@ def _ompl_problem(prepared: Prepared, name: PlannerName, seed: int, resolution: 
 
     measured.silence_ompl()
     measured.seed_ompl(seed)
-    return SE2Problem(
-        prepared.problem.world,
-        prepared.problem.robot,
-        prepared.ends,
-        checker=prepared.checker,
-        certified=name.certified,
-        resolution=resolution,
-    )
+    world, robot, options = prepared.problem.world, prepared.problem.robot, {"certified": name.certified}
+    return SE2Problem(world, robot, prepared.ends, checker=prepared.checker, resolution=resolution, **options)
 
 
 def _landmark_planner(prepared: Prepared, checker: StateChecker, name: PlannerName, seed: int) -> LandmarkPlanner:
@@ -162,13 +219,13 @@ def _landmark_planner(prepared: Prepared, checker: StateChecker, name: PlannerNa
     return LandmarkPlanner(world, seed=seed, checker=checker, settings=settings, objective="length", warm=False)
 
 
-def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
+def _landmark(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> tuple[Answer, Graph]:
     limit, peak = float(job["time_limit"]), MemoryPeak()
     best: list[PlanProgress] = []
 
     def on_progress(progress: PlanProgress) -> None:
         peak.measure()
-        if progress.elapsed <= latest(limit):
+        if progress.elapsed <= _latest(limit):
             best[:] = [progress]
 
     def stop() -> bool:
@@ -176,14 +233,14 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
 
     checker = CountingChecker(prepared.checker)
     begin = perf_counter()
-    planner = _landmark_planner(prepared, checker, PlannerName.parse(str(job["planner"])), int(job["seed"]))
+    planner = _landmark_planner(prepared, checker, name, int(job["seed"]))
     before = perf_counter() - begin
     result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress, stop=stop)
     time = perf_counter() - begin
     path, status = result.path, _LANDMARK[result.status]
     if result.status == "timeout" and result.nearest is not None and len(result.nearest) > 1:
         path, status = result.nearest, Status.APPROXIMATE_SOLUTION
-    elif path is not None and time > latest(limit) and best and best[0].path is not None:
+    elif path is not None and time > _latest(limit) and best and best[0].path is not None:
         path = best[0].path  # the one it had in time
     curve = [(t + before, cost) for t, cost in result.history]
     answer = _answer(prepared, status, time, curve, path, checker, peak)
@@ -224,8 +281,8 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> Generator[Answer, None, 
     begin = perf_counter()
     found = plan(checker, *prepared.ends, limit, int(job["seed"]), **options)
     time = perf_counter() - begin
-    in_time = [path for t, path in reported if t <= latest(limit)]
-    if found is not None and (time <= latest(limit) or not in_time):
+    in_time = [path for t, path in reported if t <= _latest(limit)]
+    if found is not None and (time <= _latest(limit) or not in_time):
         path: Path | None = prepared.problem.path(found)
         add(time, found)
     else:
@@ -248,17 +305,21 @@ def _answer(
 ) -> Answer:
     """Return what a planner in Python found, as fields of a RunRecord."""
     peak.measure()
+    steering, difference = prepared.problem.steering, None
+    if path is not None:
+        between = se2.distance if steering is None else steering.lengths
+        difference = float(between(path.states[-1], prepared.ends[1]))
     return {
         "status": int(status),
         "solved": status == Status.EXACT_SOLUTION,
         "approximate_solution": status == Status.APPROXIMATE_SOLUTION,
-        "solution_difference": None if path is None else _distance(prepared, path.states[-1], prepared.ends[1]),
+        "solution_difference": difference,
         "time": time,
         "curve": curve,
         "path": None if path is None else _states(path),
         "states_checked": checker.states,
         # A car's curves are checked within compiled code.
-        "motions_checked": checker.motions if prepared.problem.steering is None else None,
+        "motions_checked": checker.motions if steering is None else None,
         "memory": peak.highest,
     }
 
@@ -269,33 +330,17 @@ def _states(path: Path) -> list[list[float]]:
     return rows
 
 
-def _distance(prepared: Prepared, a: se2.FloatArray, b: se2.FloatArray) -> float:
-    steering = prepared.problem.steering
-    return float(se2.distance(a, b) if steering is None else steering.lengths(a, b))
-
-
-def _native(prepared: Prepared, job: Mapping[str, Any]) -> Answer:
-    native = importlib.import_module("trailmark.benchmark.native")
-    answer: Answer = native.run_native(prepared.problem, job)
-    return _in_time(answer, latest(float(job["time_limit"]))) if "curve" in answer else answer
-
-
 def _in_time(answer: Answer, limit: float) -> Answer:
     """Return an answer without what came too late, and with the first and the last cost filled in."""
-    curve = [(t, cost) for t, cost in answer["curve"] if t <= limit]
-    if answer["solved"] and not curve:
+    curve = [(t, cost) for t, cost in answer["curve"] if t <= _latest(limit)]
+    if not answer["solved"]:
+        return answer | {"curve": []}
+    if not curve:
         late = answer["curve"][0][0] if answer["curve"] else answer["time"]
         failure = f"too late: the first solution came after {late:.3f} s"
         return answer | {"status": int(Status.TIMEOUT), "solved": False, "curve": [], "path": None, "failure": failure}
-    if not answer["solved"]:
-        return answer | {"curve": []}
-    first, last = curve[0], curve[-1]
-    return answer | {
-        "curve": curve,
-        "time_to_first_solution": first[0],
-        "first_solution_length": first[1],
-        "solution_length": last[1],
-    }
+    costs = {"first_solution_length": curve[0][1], "solution_length": curve[-1][1]}
+    return answer | {"curve": curve, "time_to_first_solution": curve[0][0], **costs}
 
 
 def _simplified(prepared: Prepared, path: list[list[float]]) -> Answer:
@@ -311,3 +356,72 @@ def _simplified(prepared: Prepared, path: list[list[float]]) -> Answer:
         "simplified_solution_length": shortened.cost,
         "simplification_time": seconds,
     }
+
+
+class CountingChecker(StateChecker):
+    """A checker that counts the states and motions asked for; not those of compiled code that shortens a path."""
+
+    def __init__(self, checker: StateChecker) -> None:
+        vars(self).update(vars(checker))
+        self.states = self.motions = 0
+
+    def clearance(self, q: Any, **options: Any) -> Any:
+        """Count, and answer."""
+        found = super().clearance(q, **options)
+        self.states += 1 if isinstance(found, float) else len(found)
+        return found
+
+    def motions_free(self, a: se2.FloatArray, b: se2.FloatArray) -> Any:
+        """Count, and answer."""
+        self.motions += len(a)
+        return super().motions_free(a, b)
+
+    def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> Any:
+        """Count, and answer; a motion that the field leaves open, and that is asked for again, counts twice."""
+        self.motions += len(a)
+        return super().motions_by_field(a, b)
+
+    def states_free(self, q: se2.FloatArray) -> Any:
+        """Count, and answer."""
+        self.states += len(q)
+        return super().states_free(q)
+
+
+class MemoryPeak:
+    """The largest heap in use at any measurement above that at the beginning; a forked process shares other pages.
+
+    Attributes:
+        highest: MB.
+    """
+
+    def __init__(self) -> None:
+        self._begin, self.highest = _heap_in_use(), 0.0
+
+    def measure(self) -> None:
+        """Take note of the heap in use now."""
+        self.highest = max(self.highest, _heap_in_use() - self._begin)
+
+
+def _heap_in_use() -> float:
+    """Return the MB that ``malloc`` has handed out in all arenas; what OMPL, numpy and Python's larger objects hold."""
+    info = _mallinfo()()
+    return float(info.uordblks + info.hblkhd) / 2.0**20
+
+
+class _Information(ctypes.Structure):
+    """``struct mallinfo2`` of malloc.h."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_size_t)
+        for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()  # noqa: SIM905  # as there
+    )
+
+
+@lru_cache(maxsize=1)
+def _mallinfo() -> Any:
+    try:
+        function = ctypes.CDLL(None).mallinfo2
+    except AttributeError:  # glibc before 2.33, other C libraries: nothing is counted
+        return _Information
+    function.restype = _Information
+    return function

@@ -1,4 +1,4 @@
-"""Worker, zygote and child as one: honest runs, rogues, limits, and processes that die."""
+"""Worker, host and child as one: honest runs, rogues, limits, and processes that die."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from tests.benchmark.conftest import job
 from tests.benchmark.rogues import PREPARING
 
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.isolation.worker import Worker
 from trailmark.benchmark.native import native_program
 from trailmark.benchmark.problems import Problem
-from trailmark.benchmark.status import Status
+from trailmark.benchmark.record import Status
+from trailmark.benchmark.run import MemoryPeak
+from trailmark.benchmark.workers import Worker
 from trailmark.path import Path
 from trailmark.shapes import Polygon
 from trailmark.world import Query, Robot, World
@@ -263,6 +264,15 @@ def test_a_worker_that_does_not_start_says_why(ahead: Problem, monkeypatch: pyte
     with pytest.raises(WorkerError, match=r"a worker process does not start: .+; expected an environment") as caught:
         Worker().run(job(ahead, "landmark"))
     assert "\n" not in str(caught.value)
+
+
+def test_the_heap_in_use_is_counted_at_its_largest() -> None:
+    peak = MemoryPeak()
+    array = np.ones(2**21)  # 16 MB
+    peak.measure()
+    del array
+    peak.measure()
+    assert 15.0 < peak.highest < 40.0
 
 
 def children(worker: Worker) -> list[str]:
