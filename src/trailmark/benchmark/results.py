@@ -64,7 +64,7 @@ class Runs:
         """Which of them the referee calls correct too: only these count as solved; shape (n,)."""
         return np.asarray(self.claimed & (self["correct_solution"] == 1.0))
 
-    @cached_property
+    @property
     def refused(self) -> int:
         """How many paths the planner called solutions and the referee did not."""
         return int((self.claimed & ~self.success).sum())
@@ -72,34 +72,31 @@ class Runs:
     @cached_property
     def first_times(self) -> FloatArray:
         """Seconds to the first solution, shape (n,); infinity for a failed run."""
-        first = self["time_to_first_solution"]
         # A planner that tells only of its end had its first solution no later.
-        return np.where(self.success, np.where(np.isnan(first), self["time"], first), np.inf)
+        return np.minimum(self._of_solved("time"), self._of_solved("time_to_first_solution"))
 
     @cached_property
     def costs(self) -> FloatArray:
         """Cost of the returned path (metres), shape (n,); infinity for a failed run."""
-        cost = self["solution_length"]
-        return np.where(self.success & ~np.isnan(cost), cost, np.inf)
+        return self._of_solved("solution_length")
 
     @cached_property
     def simplified_costs(self) -> FloatArray:
         """Cost of the path after the common simplifier, shape (n,); infinity where there is none."""
-        cost = self["simplified_solution_length"]
-        return np.where(self.success & ~np.isnan(cost), cost, np.inf)
+        return self._of_solved("simplified_solution_length")
 
-    @cached_property
+    @property
     def best_costs(self) -> FloatArray:
         """The lower of :attr:`costs` and :attr:`simplified_costs`, shape (n,)."""
         return np.minimum(self.costs, self.simplified_costs)
 
+    def _of_solved(self, name: str) -> FloatArray:
+        return np.where(self.success & ~np.isnan(self[name]), self[name], np.inf)
+
     def endings(self) -> dict[str, int]:
         """Return how many runs ended without success, by how they ended; most frequent first."""
-        counts: dict[str, int] = {}
-        for status, claimed, success in zip(self["status"], self.claimed, self.success, strict=True):
-            if not success:
-                words = "refused by the referee" if claimed else _ending(status)
-                counts[words] = counts.get(words, 0) + 1
+        counts = Counter(_ending(status) for status in self["status"][~self.claimed])
+        counts.update({"refused by the referee": self.refused} if self.refused else {})
         return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
 
@@ -193,10 +190,8 @@ def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, s
         if cost is not None:
             curves.setdefault(run, []).append((seconds, cost))
     by_planner: dict[str, list[tuple[Any, ...]]] = {}
-    there = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
-    numbers = (name if name in there else f"NULL AS {name}" for name in NUMBERS)
-    wanted_columns = ", ".join(("plannerid", "id", "failure", *numbers))
-    query = f"SELECT {wanted_columns} FROM runs WHERE experimentid = ? ORDER BY plannerid, seed, id"  # noqa: S608  # our own names
+    columns = ", ".join(("plannerid", "id", "failure", *NUMBERS))
+    query = f"SELECT {columns} FROM runs WHERE experimentid = ? ORDER BY plannerid, seed, id"  # noqa: S608  # our own names
     for run_row in db.execute(query, (key,)):
         by_planner.setdefault(names.get(run_row[0], f"planner {run_row[0]}"), []).append(run_row[1:])
     runs = {planner: _runs(found, curves) for planner, found in by_planner.items()}
@@ -282,13 +277,11 @@ def _check_schema(db: sqlite3.Connection, file: Path) -> None:
         raise StoreError(f"{file}: an SQLite database of another program; {ALLOWED}")
     if version != VERSION:
         raise StoreError(f"{file}: expected schema version {VERSION}, got {version}")
-    missing = sorted({"experiments", "plannerConfigs", "runs", "progress"} - tables)
-    if missing:
-        raise StoreError(f"{file}: the table {missing[0]!r} is missing; {ALLOWED}")
+    for missing in sorted({"experiments", "plannerConfigs", "runs", "progress"} - tables):
+        raise StoreError(f"{file}: the table {missing!r} is missing; {ALLOWED}")
     columns = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
-    absent = sorted({"id", "experimentid", "plannerid", *MEASURED} - columns)
-    if absent:
-        raise StoreError(f"{file}: the table 'runs' has no column {absent[0]!r}; {ALLOWED}")
+    for absent in sorted({"id", "experimentid", "plannerid", *MEASURED} - columns):
+        raise StoreError(f"{file}: the table 'runs' has no column {absent!r}; {ALLOWED}")
 
 
 _WORDS = {"time_limit": "limit {} s", "memory_limit": "{} MB", "resolution": "resolution {} m", "problem": "problem {}"}
@@ -318,9 +311,6 @@ def _value(value: object) -> str:
     return value[:8] if isinstance(value, str) else f"{value:g}" if isinstance(value, int | float) else "unknown"
 
 
-HEADER = ("planner", "correct", "refused", "first solution", "cost", "simplified")
-
-
 def summary_rows(results: Results, planners: Sequence[str]) -> list[tuple[str, ...]]:
     """Return a header and a row for each planner, over all its runs.
 
@@ -332,7 +322,7 @@ def summary_rows(results: Results, planners: Sequence[str]) -> list[tuple[str, .
     groups: dict[str, list[Problem]] = {}
     for problem in results.problems:
         groups.setdefault(problem.difference, []).append(problem)
-    rows: list[tuple[str, ...]] = [HEADER]
+    rows: list[tuple[str, ...]] = [("planner", "correct", "refused", "first solution", "cost", "simplified")]
     for planner, (difference, problems) in itertools.product(planners, groups.items()):
         found = [
             (problem.runs[planner], problem.best_cost or math.nan) for problem in problems if planner in problem.runs
@@ -340,16 +330,11 @@ def summary_rows(results: Results, planners: Sequence[str]) -> list[tuple[str, .
         if not found:
             continue
         correct, count = sum(int(runs.success.sum()) for runs, _ in found), sum(len(runs) for runs, _ in found)
-        rows.append(
-            (
-                planner + (difference and f" ({difference})"),
-                f"{correct}/{count}",
-                str(sum(runs.refused for runs, _ in found)),
-                _median([runs.first_times for runs, _ in found], "{:.3f} s"),
-                _median([_ratios(runs.costs, best) for runs, best in found], "x {:.3f}"),
-                _median([_ratios(runs.simplified_costs, best) for runs, best in found], "x {:.3f}"),
-            )
-        )
+        name, refused = planner + (difference and f" ({difference})"), sum(runs.refused for runs, _ in found)
+        first = _median([runs.first_times for runs, _ in found], "{:.3f} s")
+        cost = _median([runs.costs / best for runs, best in found], "x {:.3f}")
+        simplified = _median([runs.simplified_costs / best for runs, best in found], "x {:.3f}")
+        rows.append((name, f"{correct}/{count}", str(refused), first, cost, simplified))
     return rows
 
 
@@ -362,10 +347,6 @@ def failure_lines(results: Results, planners: Sequence[str]) -> list[str]:
         for reason, count in reasons.most_common(1):
             lines.append(f"{planner}: {count} of {sum(len(runs) for runs in found)} runs: {reason}")
     return lines
-
-
-def _ratios(costs: FloatArray, best: float) -> FloatArray:
-    return costs[np.isfinite(costs)] / best
 
 
 def _median(values: Sequence[FloatArray], form: str) -> str:
