@@ -1,8 +1,9 @@
-"""Store: Planner Arena's schema, one writer, nothing lost, nothing overwritten."""
+"""Store: Planner Arena's schema, one writer, nothing lost, nothing overwritten; the record of a run."""
 
 from __future__ import annotations
 
 import json
+import re
 import signal
 import sqlite3
 import subprocess
@@ -10,15 +11,18 @@ import sys
 import textwrap
 import time
 from contextlib import closing
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import pytest
+from ompl import base as ob
 from ompl.tools import readBenchmarkLog
 from tests.benchmark.conftest import experiment, solved
 
+from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.record import MEASURED, RunRecord
+from trailmark.benchmark.record import MEASURED, RunRecord, Status
 from trailmark.benchmark.store import Store
 from trailmark.errors import OutputError
 
@@ -179,3 +183,31 @@ def test_what_was_reported_to_be_written_survives_a_kill(tmp_path: Path) -> None
         last = there[-1]
         assert rows(file, "PRAGMA integrity_check") == [("ok",)]
         assert rows(file, "SELECT count(*) FROM progress") == [(2 * len(there),)]
+
+
+def test_statuses_have_ompls_numbers() -> None:
+    for status in Status:
+        assert getattr(ob.PlannerStatus, status.name).value == status
+
+
+def test_a_record_survives_json() -> None:
+    record = solved(3)
+    assert RunRecord.from_json(json.loads(json.dumps(record.to_json()))) == record
+
+
+def test_unknown_names_are_left_out() -> None:
+    assert RunRecord.from_json({"status": 4, "weather": "fine"}) == RunRecord(status=4)
+
+
+@pytest.mark.parametrize("answer", [{"status": 77}, {"time": float("nan")}, {"memory": float("inf")}])
+def test_what_ompl_or_sqlite_would_not_take_is_refused(answer: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=r"77|finite"):
+        RunRecord.from_json(answer)
+
+
+def test_versions_and_machine() -> None:
+    assert versions()["ompl"] == version("ompl")
+    assert set(versions()) >= {"Python", "trailmark", "numpy", "numba", "python-fcl"}
+    assert re.fullmatch(r".+, \d+ cores", cpu_name())
+    assert system()
+    assert re.fullmatch("[0-9a-f]{64}", source_digest())

@@ -184,19 +184,8 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> tupl
     peak = MemoryPeak()
     limit, first = float(job["time_limit"]), bool(job.get("first"))
     run = measured.measure(problem, name.algorithm, limit, parameters=name.parameters, first=first)
-    peak.measure()
-    answer = {
-        "status": run.status,
-        "solved": run.exact,
-        "approximate_solution": run.path is not None and not run.exact,
-        "solution_difference": run.difference,
-        "time": run.time,
-        "curve": run.curve,
-        "path": None if run.path is None else _states(run.path),
-        "states_checked": run.states_checked,
-        "motions_checked": run.motions_checked,
-        "memory": peak.highest,
-    }
+    checked = run.states_checked, run.motions_checked
+    answer = _answer(prepared, Status(run.status), run.time, run.curve, run.path, checked, peak)
     return answer, lambda: measured.graph_size(problem)
 
 
@@ -243,7 +232,7 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> 
     elif path is not None and time > _latest(limit) and best and best[0].path is not None:
         path = best[0].path  # the one it had in time
     curve = [(t + before, cost) for t, cost in result.history]
-    answer = _answer(prepared, status, time, curve, path, checker, peak)
+    answer = _answer(prepared, status, time, curve, path, checker.checked, peak)
     return answer, lambda: (result.landmarks, result.edges)
 
 
@@ -289,7 +278,7 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> Generator[Answer, None, 
         path = in_time[-1] if in_time else None
     status = Status.TIMEOUT if path is None else Status.EXACT_SOLUTION
     curve = [(t, each.cost) for t, each in reported]
-    answer = _answer(prepared, status, time, curve, path, checker, peak)
+    answer = _answer(prepared, status, time, curve, path, checker.checked, peak)
     # Else it is the problem's own, as for other planners.
     return (answer | {"setup_time": setup_time}) if "prepared" in options else answer
 
@@ -300,26 +289,25 @@ def _answer(
     time: float,
     curve: list[tuple[float, float]],
     path: Path | None,
-    checker: CountingChecker,
+    checked: tuple[int, int | None],
     peak: MemoryPeak,
 ) -> Answer:
-    """Return what a planner in Python found, as fields of a RunRecord."""
+    """Return what was found, as fields of a RunRecord; how far the path ends from the goal is measured anew."""
     peak.measure()
-    steering, difference = prepared.problem.steering, None
+    steering, solved, difference = prepared.problem.steering, status == Status.EXACT_SOLUTION, None
     if path is not None:
         between = se2.distance if steering is None else steering.lengths
         difference = float(between(path.states[-1], prepared.ends[1]))
     return {
         "status": int(status),
-        "solved": status == Status.EXACT_SOLUTION,
-        "approximate_solution": status == Status.APPROXIMATE_SOLUTION,
+        "solved": solved,
+        "approximate_solution": path is not None and not solved,
         "solution_difference": difference,
         "time": time,
         "curve": curve,
         "path": None if path is None else _states(path),
-        "states_checked": checker.states,
-        # A car's curves are checked within compiled code.
-        "motions_checked": checker.motions if steering is None else None,
+        "states_checked": checked[0],
+        "motions_checked": checked[1],
         "memory": peak.highest,
     }
 
@@ -359,31 +347,38 @@ def _simplified(prepared: Prepared, path: list[list[float]]) -> Answer:
 
 
 class CountingChecker(StateChecker):
-    """A checker that counts the states and motions asked for; not those of compiled code that shortens a path."""
+    """A checker that counts the states and motions asked for; not those of compiled code that shortens a path.
+
+    A motion that the field leaves open, and that is asked for again, counts twice.
+    """
 
     def __init__(self, checker: StateChecker) -> None:
         vars(self).update(vars(checker))
-        self.states = self.motions = 0
+        self._states = self._motions = 0
+
+    @property
+    def checked(self) -> tuple[int, int | None]:
+        """How many states and motions; a car's curves are checked within compiled code."""
+        return self._states, self._motions if self.robot.turning_radius is None else None
 
     def clearance(self, q: Any, **options: Any) -> Any:
         """Count, and answer."""
-        found = super().clearance(q, **options)
-        self.states += 1 if isinstance(found, float) else len(found)
-        return found
+        self._states += np.size(q) // 3
+        return super().clearance(q, **options)
 
     def motions_free(self, a: se2.FloatArray, b: se2.FloatArray) -> Any:
         """Count, and answer."""
-        self.motions += len(a)
+        self._motions += len(a)
         return super().motions_free(a, b)
 
     def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> Any:
-        """Count, and answer; a motion that the field leaves open, and that is asked for again, counts twice."""
-        self.motions += len(a)
+        """Count, and answer."""
+        self._motions += len(a)
         return super().motions_by_field(a, b)
 
     def states_free(self, q: se2.FloatArray) -> Any:
         """Count, and answer."""
-        self.states += len(q)
+        self._states += len(q)
         return super().states_free(q)
 
 
