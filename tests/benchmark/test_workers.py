@@ -206,16 +206,24 @@ def test_ends_that_are_not_valid(worker: Worker, around: Problem) -> None:
 
 
 @pytest.mark.slow
-def test_a_worker_process_that_dies_is_replaced_and_its_run_repeated(worker: Worker, ahead: Problem) -> None:
+def test_a_host_that_dies_takes_its_run_with_it_and_is_replaced(worker: Worker, ahead: Problem) -> None:
     worker.run(job(ahead, ROGUES + "honest"))
-    before = worker.pid
+    before, runs = worker.pid, []
     assert before is not None
-    killer = threading.Timer(0.3, os.kill, (before, signal.SIGKILL))
+
+    def kill() -> None:
+        runs[:] = children(worker)
+        os.kill(before, signal.SIGKILL)
+
+    killer = threading.Timer(0.3, kill)
     killer.start()
-    answer = worker.run(job(ahead, "RRTstar", limit=0.6))
+    answer = worker.run(job(ahead, ROGUES + "hang", limit=0.6))
     killer.join()
-    assert answer["correct_solution"]
+    assert (answer["status"], answer["solved"]) == (Status.TIMEOUT, False)
     assert worker.pid not in (None, before)
+    assert len(runs) == 1
+    stat = FilePath(f"/proc/{runs[0]}/stat")
+    assert not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z"
 
 
 @pytest.mark.slow

@@ -100,7 +100,7 @@ def _run_in_child(prepared: Prepared, job: Answer, *ours: Connection) -> tuple[A
             answer, hung = _collected(parts, ours[0], begin, job)
         finally:
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(child.pid or 0, signal.SIGKILL)
+                os.killpg(child.pid, signal.SIGKILL)  # type: ignore[arg-type]  # it has started
             child.kill()  # should it have no group of its own yet
             child.join()
         elapsed = perf_counter() - begin
