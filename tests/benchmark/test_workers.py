@@ -16,7 +16,6 @@ from tests.benchmark.conftest import job
 from tests.benchmark.rogues import PREPARING
 
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.native import native_program
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.record import Status
 from trailmark.benchmark.run import MemoryPeak
@@ -54,18 +53,6 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
     if planner != "RRTConnect+certified":
         assert answer["time"] > 0.05
     assert 0.0 < answer["overhead"] < 5.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("planner", ["landmark", "roadmap-uniform", "paper", "RRTstar+certified", "native:RRTstar"])
-def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: Problem) -> None:
-    if planner.startswith("native:") and native_program() is None:
-        pytest.skip("native program not built (see benchmarks/native/README.md)")
-    answer = worker.run(job(around, planner, limit=20.0) | {"first": True})
-    assert answer["correct_solution"], answer["failure"]
-    assert answer["time"] < 20.0  # the limit
-    if planner != "native:RRTstar":  # which shortens in the same process
-        assert answer["simplified_path"] is None
 
 
 @pytest.mark.slow
@@ -208,8 +195,9 @@ def test_ends_that_are_not_valid(worker: Worker, around: Problem) -> None:
 @pytest.mark.slow
 def test_a_host_that_dies_takes_its_run_with_it_and_is_replaced(worker: Worker, ahead: Problem) -> None:
     worker.run(job(ahead, ROGUES + "honest"))
-    before, runs = worker.pid, []
+    before = worker.pid
     assert before is not None
+    runs: list[str] = []
 
     def kill() -> None:
         runs[:] = children(worker)

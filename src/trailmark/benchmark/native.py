@@ -52,9 +52,6 @@ VARIABLE = "TRAILMARK_NATIVE"
 SIMPLIFY_LIMIT = 0.5
 """Seconds that the program's simplifier gets at most, as for the other planners."""
 
-ANY_COST = 1e11
-"""Metres; no path costs as much."""
-
 GRACE = (5.0, 2.0)
 """Seconds, and share of the time limit, that the program gets beyond planning and simplifying before it is ended."""
 
@@ -94,8 +91,8 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
 
     Args:
         problem: world, robot and query.
-        job: planner (with ``native:``, and perhaps parameters), seed, time_limit (s), memory_limit (MB), resolution (m)
-            and perhaps first, as :class:`trailmark.benchmark.problems.Job` holds them.
+        job: planner (with ``native:``, and perhaps parameters), seed, time_limit (s), memory_limit (MB) and resolution
+            (m), as :class:`trailmark.benchmark.problems.Job` holds them.
 
     Returns:
         Fields of :class:`trailmark.benchmark.record.RunRecord`. ``setup_time`` is the program's own, for reading the
@@ -116,8 +113,6 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
     command += ["--simplify-limit", repr(SIMPLIFY_LIMIT)]
     for parameter, value in parameters.items():
         command += ["--parameter", f"{parameter}={value}"]
-    if job.get("first"):
-        command += ["--cost-threshold", repr(ANY_COST)]
     text = problem_text(problem.world, problem.robot, problem.query)
     allowed = limit + SIMPLIFY_LIMIT + GRACE[0] + GRACE[1] * limit
     try:

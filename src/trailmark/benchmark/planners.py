@@ -19,19 +19,7 @@ if TYPE_CHECKING:
     from trailmark.planning import PlannerSettings
     from trailmark.world import Robot
 
-__all__ = [
-    "CERTIFIED",
-    "DEFAULT",
-    "NATIVE",
-    "OWN",
-    "PlannerName",
-    "Resolution",
-    "known_planners",
-    "method_settings",
-    "read_planners",
-    "resolution_of",
-    "settings_of",
-]
+__all__ = ["PlannerName", "Resolution", "known_planners", "method_settings", "read_planners", "settings_of"]
 
 CERTIFIED = "+certified"
 """Ends the name of one of OMPL's planners that plans with certified motions."""
@@ -194,13 +182,8 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
     return list(chosen)
 
 
-def settings_of(name: str, *, first: bool = False) -> str:
-    """Return what the results say about a planner's settings.
-
-    Args:
-        name: as :func:`read_planners` returns it.
-        first: whether its runs end at their first path.
-    """
+def settings_of(name: str) -> str:
+    """Return what the results say about the settings of a planner, named as :func:`read_planners` returns it."""
     from trailmark.planning.settings import METHODS
 
     named = PlannerName.parse(name)
@@ -211,16 +194,14 @@ def settings_of(name: str, *, first: bool = False) -> str:
 
         made = ", ".join(f"{what} {version}" for what, version in native_versions().items())
         motions = "certified by bisection of clearances" if named.certified else "discrete"
-        said = f"OMPL in C++, {given}; states checked by FCL in C++; motions {motions}; {made}"
-    elif named.own:
-        said = "a function of the user's own"
-    elif named.base in METHODS:
+        return f"OMPL in C++, {given}; states checked by FCL in C++; motions {motions}; {made}"
+    if named.own:
+        return "a function of the user's own"
+    if named.base in METHODS:
         chosen = ", ".join(f"{setting}={value}" for setting, value in method_settings(named).to_dict().items())
-        said = f"trailmark's LandmarkPlanner, method {named.base}; motions certified; {chosen}"
-    else:
-        motions = "certified by trailmark" if named.certified else "discrete, at the experiment's resolution"
-        said = f"OMPL from Python, {given}; states checked by trailmark; motions {motions}"
-    return f"{said}; ends at its first path" if first else said
+        return f"trailmark's LandmarkPlanner, method {named.base}; motions certified; {chosen}"
+    motions = "certified by trailmark" if named.certified else "discrete, at the experiment's resolution"
+    return f"OMPL from Python, {given}; states checked by trailmark; motions {motions}"
 
 
 def method_settings(name: PlannerName) -> PlannerSettings:

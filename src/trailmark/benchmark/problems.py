@@ -92,7 +92,6 @@ class Job:
         time_limit: seconds of planning.
         memory_limit: MB above what the process holds when planning begins.
         resolution: metres, of the discrete baseline.
-        first: whether the first path ends the run.
     """
 
     problem: str
@@ -102,7 +101,6 @@ class Job:
     time_limit: float
     memory_limit: float
     resolution: float
-    first: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the job as plain numbers and strings."""

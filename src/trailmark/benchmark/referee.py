@@ -121,22 +121,18 @@ class Referee:
             apart = np.asarray(wanted, dtype=np.float64) - end
             if math.hypot(apart[0], apart[1]) > TOUCHING or abs(_wrapped(apart[2])) > TOUCHING:
                 return f"path's end ({_row(end)}) is not the {name} ({_row(wanted)})"
-        steps = self._steps(states)
+        steps = sum(math.ceil(self.bound(a, b) / self.step) for a, b in pairwise(states))
         if steps > MAX_STATES:
             return f"path: expected at most {MAX_STATES:,} steps of {self.step:g} m, got {steps:,}"
-        if self._steering is not None:
-            for a, b in pairwise(states):
-                if not self._can_be_driven(np.vstack([a, self._between(a, b)]), b, self._steering):
-                    return f"no curve of the car ({self._steering}) leads from ({_row(a)}) to ({_row(b)})"
-        if self._turns_in_place:
-            for a, b in pairwise(states):
-                if not self._drives_ahead(a, b):
-                    return (
-                        f"the robot neither turns in place nor drives along its heading from ({_row(a)}) to ({_row(b)})"
-                    )
         for a, b in pairwise(states):
+            between = f"from ({_row(a)}) to ({_row(b)})"
+            if self._steering is not None:
+                if not self._can_be_driven(np.vstack([a, self._between(a, b)]), b, self._steering):
+                    return f"no curve of the car ({self._steering}) leads {between}"
+            elif self._turns_in_place and not self._drives_ahead(a, b):
+                return f"the robot neither turns in place nor drives along its heading {between}"
             if self._goes_the_wrong_way(a, b):
-                return f"the robot goes the wrong way through a one-way zone from ({_row(a)}) to ({_row(b)})"
+                return f"the robot goes the wrong way through a one-way zone {between}"
         for block in self._blocks(states):
             for judge in (self._outside, self._hit):
                 wrong = judge(block)
@@ -186,19 +182,21 @@ class Referee:
         return np.asarray(np.maximum(0.0, found - radius - TOUCHING))
 
     def between(self, a: FloatArray, b: FloatArray, at: FloatArray) -> FloatArray:
-        """Return the states at parts ``at``, shape (n,), of the motion from a to b: shape (n, 3)."""
+        """Return the states at parts ``at``, shape (n,), of the motion from a to b: shape (n, 3).
+
+        Straight motions may also be n, one for each part: a and b then have shape (n, 3).
+        """
         if self._steering is not None:
             return self._steering.states(a, b, at * self._steering.lengths(a, b))
-        return np.asarray(a + at[:, None] * np.array([b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])]))
+        along = b - a
+        along[..., 2] = _wrapped(along[..., 2])
+        return np.asarray(a + at[:, None] * along)
 
     def bound(self, a: FloatArray, b: FloatArray) -> float:
         """Return how far a motion moves any point of the robot at most (metres)."""
         if self._steering is not None:
             return float(self._steering.lengths(a, b)) * (1.0 + self._reach / self._steering.radius)
         return float(math.hypot(b[0] - a[0], b[1] - a[1]) + self._reach * abs(_wrapped(b[2] - a[2])))
-
-    def _steps(self, states: FloatArray) -> int:
-        return sum(math.ceil(self.bound(a, b) / self.step) for a, b in pairwise(states))
 
     def _between(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return the states along the motion from a to b, without a, no point moving more than a step to the next."""
@@ -324,20 +322,15 @@ def path_measures(referee: Referee, path: ArrayLike, scale: float) -> Measures:
     """
     states = np.asarray(path, dtype=np.float64)
     points = _line(referee, states, scale)
-    steps = np.diff(points, axis=0)
-    lengths = np.hypot(*steps.T)
-    moved = lengths > 1e-9
-    steps, lengths = steps[moved], lengths[moved]
-    turns = _angles(steps[:-1], steps[1:])
-    length = float(lengths.sum())
-    smoothness = float(np.abs(turns).sum()) / length if length > 0.0 else 0.0
-    places = np.vstack([points[:1], points[1:][moved]])
-    if referee.steering is None:
-        lines = [places]
-    else:  # one for each way between two changes of direction
-        cusps = 1 + np.flatnonzero(np.abs(turns) > 0.5 * np.pi)
-        lines = [places[a : b + 1] for a, b in pairwise([0, *cusps, len(places) - 1])]
-    curvature = max(_curvature(line, scale) for line in lines)
+    places = np.vstack([points[:1], points[1:][np.hypot(*np.diff(points, axis=0).T) > 1e-9]])
+    steps = np.diff(places, axis=0)
+    turns = np.abs(_angles(steps[:-1], steps[1:]))
+    length = float(np.hypot(*steps.T).sum())
+    smoothness = float(turns.sum()) / length if length > 0.0 else 0.0
+    # Of a car there is a line for each way between two changes of direction.
+    cusps = [] if referee.steering is None else 1 + np.flatnonzero(turns > 0.5 * np.pi)
+    ways = pairwise([0, *cusps, len(places) - 1])
+    curvature = max(_curvature(places[a : b + 1], scale) for a, b in ways)
     return Measures(smoothness, curvature, _least_clearance(referee, states))
 
 
@@ -392,8 +385,12 @@ def _least_clearance(referee: Referee, states: FloatArray) -> float:
     low = share * np.concatenate([np.arange(n) for n in counts] or [np.empty(0)])
     while len(motion):
         middle, moved = low + 0.5 * share, 0.5 * share * bounds[motion]
-        between = [referee.between(states[i], states[i + 1], middle[motion == i]) for i in np.unique(motion)]
-        found = referee.clearance(np.vstack(between), least + float(moved.max()))
+        if referee.steering is None:
+            places = referee.between(states[motion], states[motion + 1], middle)
+        else:
+            each = (referee.between(states[i], states[i + 1], middle[motion == i]) for i in np.unique(motion))
+            places = np.vstack(list(each))
+        found = referee.clearance(places, least + float(moved.max()))
         least = min(least, float(found.min()))
         open_ = found - moved < least - precise
         motion, low, share = (np.repeat(column[open_], 2) for column in (motion, low, 0.5 * share))

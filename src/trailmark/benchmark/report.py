@@ -170,11 +170,10 @@ def _ratios(results: Results, name: str, other: str) -> tuple[str, str]:
     times, costs = [], []
     for problem in results.problems:
         if name in problem.runs and other in problem.runs:
-            runs = problem.runs[name], problem.runs[other]
-            rows = np.intersect1d(*(each["seed"] for each in runs), return_indices=True)[1:]
-            first, second = (_at_limit(problem, each)[row] for each, row in zip(runs, rows, strict=True))
-            times.append((first, second))
-            a, b = (each.costs[row] for each, row in zip(runs, rows, strict=True))
+            ours, theirs = problem.runs[name], problem.runs[other]
+            _, own, others = np.intersect1d(ours["seed"], theirs["seed"], return_indices=True)
+            times.append((_at_limit(problem, ours)[own], _at_limit(problem, theirs)[others]))
+            a, b = ours.costs[own], theirs.costs[others]
             both = np.isfinite(a) & np.isfinite(b) & (a > 0.0) & (b > 0.0)
             costs.append((a[both], b[both]))
     return _ratio(paired_ratio(times)), _ratio(paired_ratio(costs))

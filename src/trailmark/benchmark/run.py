@@ -90,7 +90,8 @@ class Prepared:
             # They compile what OMPL's simplifier asks of a car's curves: a process whose time is up would never finish.
             CurveMarks(PointwiseChecker(self.checker, self.problem.steering))
         query = self.problem.query
-        self.ends = tuple(se2.configurations([query.start, query.pose()]))
+        start, goal = se2.configurations([query.start, query.pose()])
+        self.ends = start, goal
         self._referee = Referee(self.problem.world, self.problem.robot)
 
     def judged(self, answer: Mapping[str, Any]) -> Answer:
@@ -152,7 +153,7 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
     if graph is not None:
         yield dict(zip(("graph_states", "graph_motions"), graph(), strict=True))
     # OMPL has no space for a differential drive, in which its simplifier could shorten.
-    if answer["solved"] and not job.get("first") and prepared.problem.robot.drive != "differential":
+    if answer["solved"] and prepared.problem.robot.drive != "differential":
         yield _simplified(prepared, answer["path"])
 
 
@@ -182,8 +183,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> tupl
 
     problem = _ompl_problem(prepared, name, int(job["seed"]), float(job["resolution"]))
     peak = MemoryPeak()
-    limit, first = float(job["time_limit"]), bool(job.get("first"))
-    run = measured.measure(problem, name.algorithm, limit, parameters=name.parameters, first=first)
+    run = measured.measure(problem, name.algorithm, float(job["time_limit"]), parameters=name.parameters)
     checked = run.states_checked, run.motions_checked
     answer = _answer(prepared, Status(run.status), run.time, run.curve, run.path, checked, peak)
     return answer, lambda: measured.graph_size(problem)
@@ -217,14 +217,11 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> 
         if progress.elapsed <= _latest(limit):
             best[:] = [progress]
 
-    def stop() -> bool:
-        return bool(job.get("first") and best and best[0].path is not None)
-
     checker = CountingChecker(prepared.checker)
     begin = perf_counter()
     planner = _landmark_planner(prepared, checker, name, int(job["seed"]))
     before = perf_counter() - begin
-    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress, stop=stop)
+    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress)
     time = perf_counter() - begin
     path, status = result.path, _LANDMARK[result.status]
     if result.status == "timeout" and result.nearest is not None and len(result.nearest) > 1:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import platform
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -75,7 +75,6 @@ class Benchmark:
         seed: of the first run; the next ones count up.
         resolution: of the discrete baseline; None is each
             planner's own, at which refusals are rare.
-        first: those of the planners whose runs end at their first path, which nothing shortens then.
     """
 
     problems: Sequence[Problem]
@@ -85,7 +84,6 @@ class Benchmark:
     memory_limit: float
     seed: int = 0
     resolution: Resolution | None = None
-    first: Collection[str] = ()
     _spent: dict[str, list[float]] = field(default_factory=dict, repr=False)
     _last: tuple[str, str] = field(default=("", ""), repr=False)
 
@@ -126,7 +124,7 @@ class Benchmark:
 
     def _missing(self, store: Store) -> tuple[deque[_Run], Tally]:
         """Return the runs to be made, problem by problem, and in each seed by seed through all planners."""
-        planners = {name: store.planner(name, settings_of(name, first=name in self.first)) for name in self.planners}
+        planners = {name: store.planner(name, settings_of(name)) for name in self.planners}
         missing: deque[_Run] = deque()
         tally = Tally(total=len(self.problems) * len(planners) * self.runs)
         for problem in self.problems:
@@ -144,8 +142,8 @@ class Benchmark:
         if self._last[0] != problem.key:  # runs on a problem follow one another
             self._last = problem.key, problem.text
         resolution = (self.resolution or resolution_of(run.name)).metres(problem.robot)
-        limits, first = (self.time_limit, self.memory_limit), run.name in self.first
-        return Job(problem.key, self._last[1], run.name, run.seed, *limits, resolution, first).to_dict()
+        limits = self.time_limit, self.memory_limit
+        return Job(problem.key, self._last[1], run.name, run.seed, *limits, resolution).to_dict()
 
     def _experiment(self, problem: Problem) -> Experiment:
         robot = problem.robot
