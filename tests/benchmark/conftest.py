@@ -12,7 +12,7 @@ import pytest
 from trailmark.benchmark.planners import DEFAULT
 from trailmark.benchmark.problems import Job, Problem, problems_of
 from trailmark.benchmark.record import RunRecord, Status
-from trailmark.benchmark.store import Experiment, Store
+from trailmark.benchmark.store import Store
 from trailmark.benchmark.workers import Worker
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Query, Robot, World
@@ -57,22 +57,22 @@ def job(problem: Problem, planner: str, seed: int = 0, limit: float = 0.2, memor
     return Job(problem.key, problem.text, planner, seed, limit, memory, DEFAULT.metres(problem.robot)).to_dict()
 
 
-def experiment(**changes: Any) -> Experiment:
+def experiment(**changes: Any) -> dict[str, Any]:
     row: dict[str, Any] = {
         "name": "room-ahead",
         "identity": {"problem": "abc", "time_limit": 1.0},
         "conditions": {"ompl": "2.0.1"},
         "facts": {"text": "trailmark: 1"},
-        "time_limit": 1.0,
-        "memory_limit": 512.0,
+        "timelimit": 1.0,
+        "memorylimit": 512.0,
         "version": "trailmark 0.1.0, OMPL 2.0.1",
         "hostname": "here",
-        "cpu": "one",
+        "cpuinfo": "one",
         "date": "2026-01-01 00:00:00+00:00",
         "seed": 0,
-        "runs": 2,
+        "runcount": 2,
     }
-    return Experiment(**(row | changes))
+    return row | changes
 
 
 def solved(seed: int = 0, **changes: Any) -> RunRecord:
@@ -110,7 +110,7 @@ def database(tmp_path: Path) -> Path:
     """A database with one experiment: two planners, two seeds, one run that failed."""
     file = tmp_path / "results.db"
     with Store(file) as store:
-        row = store.experiment(experiment())
+        row = store.experiment(**experiment())
         landmark, prm = store.planner("landmark", "default"), store.planner("PRM", "discrete")
         for seed in (0, 1):
             store.add(row, landmark, solved(seed))

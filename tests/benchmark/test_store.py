@@ -65,7 +65,7 @@ def test_a_run_is_written_with_all_that_it_holds(database: Path) -> None:
 def test_the_same_again_changes_nothing(database: Path) -> None:
     before = rows(database, "SELECT * FROM runs")
     with Store(database) as store:
-        row = store.experiment(experiment(runs=1))
+        row = store.experiment(**experiment(runcount=1))
         assert row == 1
         planner = store.planner("landmark", "default")
         assert store.finished(row) == {(1, 0), (1, 1), (2, 0), (2, 1)}
@@ -76,14 +76,14 @@ def test_the_same_again_changes_nothing(database: Path) -> None:
 
 def test_another_problem_or_limit_is_another_experiment(database: Path) -> None:
     with Store(database) as store:
-        other = store.experiment(experiment(identity={"problem": "abc", "time_limit": 2.0}))
+        other = store.experiment(**experiment(identity={"problem": "abc", "time_limit": 2.0}))
         assert store.finished(other) == set()
         assert store.planner("landmark", "other settings") == 3
 
 
 def test_runs_under_other_conditions_are_not_mixed(database: Path) -> None:
     with Store(database) as store, pytest.raises(StoreError, match=r"made with ompl 2\.0\.1, now it is 3\.0") as caught:
-        store.experiment(experiment(conditions={"ompl": "3.0"}))
+        store.experiment(**experiment(conditions={"ompl": "3.0"}))
     assert "expected the same, or another --output" in str(caught.value)
 
 
@@ -156,7 +156,7 @@ WRITER = """
     from trailmark.benchmark.store import Store
 
     with Store(Path(sys.argv[1])) as store:
-        row, planner = store.experiment(experiment()), store.planner("landmark", "default")
+        row, planner = store.experiment(**experiment()), store.planner("landmark", "default")
         for seed in range(len(store.finished(row)), 100_000):
             store.add(row, planner, solved(seed))
             print(seed, flush=True)

@@ -210,15 +210,8 @@ def _cost_over_time(results: Results, names: Sequence[str]) -> dict[str, tuple[F
 
 
 def _problem_table(problem: Problem, names: Sequence[str]) -> _Table:
-    header = [
-        "planner",
-        "solved",
-        "refused",
-        "first path, median s",
-        "cost, median",
-        "simplified, median",
-        "least cost",
-    ]
+    header = ["planner", "solved", "refused", "first path, median s"]
+    header += ["cost, median", "simplified, median", "least cost"]
     rows = []
     for name in names:
         if name in problem.runs:

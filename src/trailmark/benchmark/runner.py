@@ -17,7 +17,7 @@ from trailmark.benchmark.native import native_versions
 from trailmark.benchmark.planners import OWN, Resolution, resolution_of, settings_of
 from trailmark.benchmark.problems import Job, Problem
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.store import Experiment, Store
+from trailmark.benchmark.store import Store
 from trailmark.benchmark.workers import Pool, run_job
 
 __all__ = ["Benchmark", "Tally"]
@@ -128,7 +128,7 @@ class Benchmark:
         missing: deque[_Run] = deque()
         tally = Tally(total=len(self.problems) * len(planners) * self.runs)
         for problem in self.problems:
-            experiment = store.experiment(self._experiment(problem))
+            experiment = self._experiment(store, problem)
             finished = store.finished(experiment)
             for seed, name in itertools.product(range(self.seed, self.seed + self.runs), planners):
                 if (planners[name], seed) in finished:
@@ -145,16 +145,14 @@ class Benchmark:
         limits = self.time_limit, self.memory_limit
         return Job(problem.key, self._last[1], run.name, run.seed, *limits, resolution).to_dict()
 
-    def _experiment(self, problem: Problem) -> Experiment:
-        robot = problem.robot
-        metres = None if self.resolution is None else self.resolution.metres(robot)
-        found, cpu, query = versions() | native_versions(), cpu_name(), problem.query
-        return Experiment(
-            name=problem.name,
+    def _experiment(self, store: Store, problem: Problem) -> int:
+        robot, query = problem.robot, problem.query
+        found, cpu = versions() | native_versions(), cpu_name()
+        return store.experiment(
             identity={
                 "problem": problem.key,
                 "objective": problem.objective,
-                "resolution": OWN if metres is None else metres,
+                "resolution": OWN if self.resolution is None else self.resolution.metres(robot),
                 "time_limit": self.time_limit,
                 "memory_limit": self.memory_limit,
             },
@@ -170,14 +168,15 @@ class Benchmark:
                 "source": source_digest(),
                 "isolation": "a process of its own for each run, forked from a warm one; its start is no one's time",
             },
-            time_limit=self.time_limit,
-            memory_limit=self.memory_limit,
+            name=problem.name,
+            timelimit=self.time_limit,
+            memorylimit=self.memory_limit,
+            runcount=self.runs,
             version=f"trailmark {found['trailmark']}, OMPL {found['ompl']}",
             hostname=platform.node(),
-            cpu=cpu,
+            cpuinfo=cpu,
             date=datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
             seed=self.seed,
-            runs=self.runs,
         )
 
     def _store_result(self, store: Store, future: Future[dict[str, Any]], run: _Run, tally: Tally) -> bool:

@@ -14,7 +14,6 @@ import os
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -24,7 +23,7 @@ from trailmark.benchmark.record import MEASURED, RunRecord, Status
 from trailmark.errors import OutputError
 from trailmark.formats.files import check_writable
 
-__all__ = ["APPLICATION", "DDL", "ENUMS", "VERSION", "Experiment", "Store"]
+__all__ = ["APPLICATION", "DDL", "ENUMS", "VERSION", "Store"]
 
 BUSY = 5.0
 """Seconds to wait for another program that has the database locked for a moment."""
@@ -62,45 +61,6 @@ DDL = (
     "CREATE UNIQUE INDEX one_run_a_seed ON runs (experimentid, plannerid, seed)",
     "CREATE UNIQUE INDEX one_name_a_planner ON plannerConfigs (name, settings)",
 )
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """One problem with one setting of limits: a row of ``experiments``.
-
-    Attributes:
-        name: world, query and robot, for people.
-        identity: what identifies the experiment: problem, objective, resolution, limits. Runs of the same identity
-            belong together.
-        conditions: what may not change from run to run: versions of the libraries, the processor.
-        facts: further information, such as the world's text.
-        time_limit: seconds a run.
-        memory_limit: MB a run.
-        version: of trailmark and OMPL.
-        hostname: of the machine that keeps the database.
-        cpu: its processor.
-        date: ISO 8601.
-        seed: of the first run.
-        runs: asked for, of each planner.
-    """
-
-    name: str
-    identity: Mapping[str, Any]
-    conditions: Mapping[str, Any]
-    facts: Mapping[str, Any]
-    time_limit: float
-    memory_limit: float
-    version: str
-    hostname: str
-    cpu: str
-    date: str
-    seed: int
-    runs: int
-
-    def setup(self) -> str:
-        """Return the text of the column ``setup``: a JSON object with the three parts."""
-        parts = {"identity": dict(self.identity), "conditions": dict(self.conditions), "facts": dict(self.facts)}
-        return json.dumps(parts, sort_keys=True)
 
 
 class Store:
@@ -141,39 +101,50 @@ class Store:
         os.close(self._lock) if self._lock >= 0 else None
         self._lock = -1
 
-    def experiment(self, wanted: Experiment) -> int:
-        """Return the id of an experiment: of the one that is there already, else of a new row.
+    def experiment(
+        self,
+        identity: Mapping[str, Any],
+        conditions: Mapping[str, Any],
+        facts: Mapping[str, Any],
+        **columns: str | float,
+    ) -> int:
+        """Return the id of an experiment, a problem with its limits: of the one that is there, else of a new row.
+
+        Args:
+            identity: problem, objective, resolution, limits: runs of the same identity belong together.
+            conditions: what may not change from run to run: versions of the libraries, the processor.
+            facts: further information, such as the world's text.
+            **columns: the table's others: ``name``, ``timelimit`` (s), ``memorylimit`` (MB), ``runcount`` (of each
+                planner), ``version``, ``hostname``, ``cpuinfo``, ``date`` (ISO 8601), ``seed`` (of the first run).
 
         Raises:
             StoreError: the one that is there was run under other conditions.
         """
+        parts = {"identity": dict(identity), "conditions": dict(conditions), "facts": dict(facts)}
+        text = json.dumps(parts, sort_keys=True)
+        wanted = json.dumps(parts["identity"], sort_keys=True)
         with self._errors_in_one_line(), self._transaction():
             # Of hundreds of experiments, each with a world's text, only the one that can be it is decoded.
-            alike = self._db.execute(
-                "SELECT id, setup, runcount FROM experiments WHERE instr(setup, ?)",
-                (json.dumps(dict(wanted.identity), sort_keys=True),),
-            )
+            alike = self._db.execute("SELECT id, setup, runcount FROM experiments WHERE instr(setup, ?)", (wanted,))
             for row, setup, runs in alike.fetchall():
                 there = json.loads(setup)
-                if there["identity"] == json.loads(json.dumps(dict(wanted.identity))):
-                    before, now = there["conditions"], wanted.conditions
-                    for name in sorted({*before, *now}):
-                        if before.get(name) != now.get(name):
-                            raise StoreError(
-                                f"{self.path}: its runs were made with {name} {before.get(name)}, now it is "
-                                f"{now.get(name)}; expected the same, or another --output"
-                            )
-                    self._db.execute("UPDATE experiments SET runcount = ? WHERE id = ?", (max(runs, wanted.runs), row))
+                if there["identity"] == json.loads(wanted):
+                    self._require_same(there["conditions"], conditions)
+                    most = max(runs, columns["runcount"])
+                    self._db.execute("UPDATE experiments SET runcount = ? WHERE id = ?", (most, row))
                     return int(row)
-            columns = {
-                **{"name": wanted.name, "totaltime": 0.0, "timelimit": wanted.time_limit},
-                **{"memorylimit": wanted.memory_limit, "runcount": wanted.runs, "version": wanted.version},
-                **{"hostname": wanted.hostname, "cpuinfo": wanted.cpu, "date": wanted.date},
-                **{"seed": str(wanted.seed), "setup": wanted.setup()},
-            }
-            marks = ", ".join(f":{name}" for name in columns)
-            done = self._db.execute(f"INSERT INTO experiments ({', '.join(columns)}) VALUES ({marks})", columns)  # noqa: S608  # names of our own columns
+            made = {**columns, "seed": str(columns["seed"]), "totaltime": 0.0, "setup": text}
+            marks = ", ".join(f":{name}" for name in made)
+            done = self._db.execute(f"INSERT INTO experiments ({', '.join(made)}) VALUES ({marks})", made)  # noqa: S608  # names of our own columns
             return int(done.lastrowid or 0)
+
+    def _require_same(self, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+        for name in sorted({*before, *now}):
+            if before.get(name) != now.get(name):
+                raise StoreError(
+                    f"{self.path}: its runs were made with {name} {before.get(name)}, now it is "
+                    f"{now.get(name)}; expected the same, or another --output"
+                )
 
     def planner(self, name: str, settings: str) -> int:
         """Return the id of a planner with these settings, of a new row if need be."""
