@@ -117,14 +117,8 @@ def test_checker_answers_as_trailmarks_does(name: str, worlds: Path, tmp_path: P
     world = World.load(worlds / f"{name}.yaml")
     assert world.robot is not None
     assert_same_answers(world, world.robot, tmp_path)
-
-
-@built
-@pytest.mark.parametrize("name", ["office", "environment1", "discs"])
-def test_checker_answers_for_a_polygon_off_its_reference_point(name: str, worlds: Path, tmp_path: Path) -> None:
-    world = World.load(worlds / f"{name}.yaml")
-    assert world.robot is not None
-    assert_same_answers(world, hook_of(world.robot.circumradius), tmp_path)
+    if name in ("office", "discs", "environment1"):  # a polygon off its reference point
+        assert_same_answers(world, hook_of(world.robot.circumradius), tmp_path)
 
 
 @built

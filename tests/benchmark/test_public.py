@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +62,7 @@ def posed(name: str, folder: Path = Path(), count: int | None = None, robot: Rob
 def test_every_problem_has_valid_ends(name: str, shared_data: Path) -> None:
     suite, count = PUBLIC[name], few(12)
     if suite.published and name not in FOLDERS:
-        pytest.skip("its data is not at hand; test_published.py makes some")
+        pytest.skip("its data is not at hand; tests below make some")
     made = posed(name, shared_data / FOLDERS[name] if suite.published else Path(), count)
     queries = 0
     for world in made:
@@ -147,8 +146,7 @@ def test_clutter_grows_from_grade_to_grade() -> None:
     assert [len(world.obstacles) for world in made] == [grade for grade in CLUTTER for _ in range(2)]
     assert len({world.name for world in made}) == len(made)
     # What is made again is the same.
-    suite = PUBLIC["clutter"]
-    assert made[:4] == list(itertools.islice(suite.worlds(Path(), suite.find(Path()), 12, None), 4))
+    assert made[:4] == posed("clutter", count=12)[:4]
 
 
 def test_passages_are_as_much_wider_than_the_robot_as_they_say() -> None:
@@ -208,12 +206,10 @@ def test_masks_and_parameters_are_no_maps(tmp_path: Path) -> None:
     assert not is_map(tmp_path / "launch.yaml")
 
 
-def test_a_larger_robot_keeps_farther_away(tmp_path: Path) -> None:
-    file = write_map(tmp_path, room())
-    suite, robot = PUBLIC["nav2"], Robot.rectangle(1.0, 0.6)
-    world = suite.world(tmp_path, file, range(100), robot)
-    assert world.robot == robot
-    assert [query.name for query in world.queries[:2]] == ["pair-0", "pair-1"]
+def test_a_robot_may_be_given_in_place_of_the_sets_own(tmp_path: Path) -> None:
+    robot = Robot.rectangle(1.0, 0.6)
+    world = PUBLIC["nav2"].world(tmp_path, write_map(tmp_path, room()), range(100), robot)
+    assert (world.robot, len(world.queries), world.queries[1].name) == (robot, 100, "pair-1")
 
 
 def test_explore_bench_begins_at_its_own_start(tmp_path: Path) -> None:
@@ -239,8 +235,7 @@ def maze(folder: Path, unit: float, x: float, y: float) -> World:
     square += [f"m {unit * (x - 12)},{unit * (y - 12)} {unit},0 0,{unit} {-unit},0 z"]
     square += [f"m {unit * (x + 28)},{unit * (y + 17)} {unit},0 0,{unit} {-unit},0 z"]
     write(folder, "parking3", *square)
-    suite = PUBLIC["bench-mr"]
-    (world,) = suite.worlds(folder, suite.find(folder), 3, None)
+    (world,) = posed("bench-mr", folder, 3)
     return world
 
 
@@ -248,8 +243,7 @@ def maze(folder: Path, unit: float, x: float, y: float) -> World:
 def test_published_ends_in_both_versions(unit: float, x: float, y: float, tmp_path: Path) -> None:
     write(tmp_path, "car", CAR)
     world = maze(tmp_path, unit, x, y)
-    suite = PUBLIC["bench-mr"]
-    (all_ten,) = suite.worlds(tmp_path, suite.find(tmp_path), None, None)
+    (all_ten,) = posed("bench-mr", tmp_path)
     # benchmarks/parking3.json: from (15.45, -2.27) to (3.82, 0.34); a drawing's y points down.
     start, goal = all_ten.queries[0].start, all_ten.queries[0].goal
     assert np.array(start) == pytest.approx((15.45 + x, -2.27 - y, 0.0), abs=1e-3)
@@ -274,6 +268,5 @@ def test_the_robot_is_the_drawn_one_with_its_length_ahead(tmp_path: Path) -> Non
 def test_without_a_robot(tmp_path: Path) -> None:
     with pytest.raises(SuiteError, match=r"expected car\.svg beside Bench-MR's mazes, got none"):
         maze(tmp_path, 22.0, 0.0, 0.0)
-    suite = PUBLIC["bench-mr"]
-    (world,) = suite.worlds(tmp_path, suite.find(tmp_path), 1, Robot.disc(0.5))
+    (world,) = posed("bench-mr", tmp_path, 1, Robot.disc(0.5))
     assert world.robot == Robot.disc(0.5)

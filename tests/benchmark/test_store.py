@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import signal
 import sqlite3
 import subprocess
@@ -11,7 +10,6 @@ import sys
 import textwrap
 import time
 from contextlib import closing
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,6 @@ from ompl import base as ob
 from ompl.tools import readBenchmarkLog
 from tests.benchmark.conftest import experiment, solved
 
-from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.record import MEASURED, RunRecord, Status
 from trailmark.benchmark.store import Store
@@ -203,11 +200,3 @@ def test_unknown_names_are_left_out() -> None:
 def test_what_ompl_or_sqlite_would_not_take_is_refused(answer: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=r"77|finite"):
         RunRecord.from_json(answer)
-
-
-def test_versions_and_machine() -> None:
-    assert versions()["ompl"] == version("ompl")
-    assert set(versions()) >= {"Python", "trailmark", "numpy", "numba", "python-fcl"}
-    assert re.fullmatch(r".+, \d+ cores", cpu_name())
-    assert system()
-    assert re.fullmatch("[0-9a-f]{64}", source_digest())

@@ -328,7 +328,7 @@ def path_measures(referee: Referee, path: ArrayLike, scale: float) -> Measures:
     length = float(np.hypot(*steps.T).sum())
     smoothness = float(turns.sum()) / length if length > 0.0 else 0.0
     # Of a car there is a line for each way between two changes of direction.
-    cusps = [] if referee.steering is None else 1 + np.flatnonzero(turns > 0.5 * np.pi)
+    cusps = 1 + np.flatnonzero((turns > 0.5 * np.pi) & (referee.steering is not None))
     ways = pairwise([0, *cusps, len(places) - 1])
     curvature = max(_curvature(places[a : b + 1], scale) for a, b in ways)
     return Measures(smoothness, curvature, _least_clearance(referee, states))
