@@ -195,3 +195,6 @@ class Worker:
                     f"a worker process does not start: {lines[0][:300]}; expected an environment in which "
                     f"'{sys.executable} -m trailmark.benchmark.host' runs"
                 )
+        if self._stopped:  # meanwhile
+            self._end()
+            raise WorkerError("the worker was stopped")
