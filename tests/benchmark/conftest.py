@@ -53,8 +53,15 @@ def worker() -> Iterator[Worker]:
         made.stop()
 
 
-def job(problem: Problem, planner: str, seed: int = 0, limit: float = 0.2, memory: float = 2048.0) -> dict[str, Any]:
-    return Job(problem.key, problem.text, planner, seed, limit, memory, DEFAULT.metres(problem.robot)).to_dict()
+def job(problem: Problem, planner: str, seed: int = 0, limit: float = 0.2, memory: float = 2048.0) -> Job:
+    return {
+        "text": problem.text,
+        "planner": planner,
+        "seed": seed,
+        "time_limit": limit,
+        "memory_limit": memory,
+        "resolution": DEFAULT.metres(problem.robot),
+    }
 
 
 def experiment(**changes: Any) -> dict[str, Any]:

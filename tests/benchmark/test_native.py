@@ -50,7 +50,7 @@ ROOM = World(
     queries=(Query("across", (1.0, 1.0, 0.0), (9.0, 1.0, np.pi)),),
 )
 
-JOB = {"seed": 3, "time_limit": 0.3, "memory_limit": 500.0, "resolution": RESOLUTION}
+JOB: Any = {"text": "", "seed": 3, "time_limit": 0.3, "memory_limit": 500.0, "resolution": RESOLUTION}
 
 
 def native_valid(

@@ -23,6 +23,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import IO, Any
 
+from trailmark.benchmark.problems import Job
 from trailmark.benchmark.record import Status
 from trailmark.benchmark.run import PREPARING, WAIT, Prepared, answers, load_all
 from trailmark.errors import TrailmarkError
@@ -66,7 +67,7 @@ def _prepared(text: str) -> Prepared:
     return made
 
 
-def _answer(job: Answer, *ours: Connection) -> Answer:
+def _answer(job: Job, *ours: Connection) -> Answer:
     """Run a job in a child and return its answer, judged."""
     begin = perf_counter()
     try:
@@ -86,7 +87,7 @@ def _answer(job: Answer, *ours: Connection) -> Answer:
     return answer | (prepared.judged(answer) if answer.get("solved") else {})
 
 
-def _run_in_child(prepared: Prepared, job: Answer, *ours: Connection) -> tuple[Answer, str | None]:
+def _run_in_child(prepared: Prepared, job: Job, *ours: Connection) -> tuple[Answer, str | None]:
     """Return a child's answer, completed by how the child ended, and what is wrong with its times."""
     reader, writer = os.pipe()
     with tempfile.TemporaryFile() as printed, os.fdopen(reader, "rb", buffering=0) as parts:
@@ -127,11 +128,11 @@ def _run_in_child(prepared: Prepared, job: Answer, *ours: Connection) -> tuple[A
     return answer | {"status": int(ended), "failure": why, "time": elapsed, "solved": False}, wrong
 
 
-def _collected(parts: IO[bytes], alive: Connection, begin: float, job: Answer) -> tuple[Answer, bool]:
+def _collected(parts: IO[bytes], alive: Connection, begin: float, job: Job) -> tuple[Answer, bool]:
     """Return the parts that a child wrote, as one, and whether it has to be stopped."""
-    fixed, share = NATIVE_GRACE if str(job["planner"]).startswith("native:") else GRACE
-    following = fixed + share * float(job["time_limit"])
-    first = float(job["time_limit"]) + following
+    fixed, share = NATIVE_GRACE if job["planner"].startswith("native:") else GRACE
+    following = fixed + share * job["time_limit"]
+    first = job["time_limit"] + following
     answer: Answer = {}
     deadline, waits, pending = begin + first, 0, b""
     while True:
@@ -167,7 +168,7 @@ def _wrong_time(answer: Answer) -> str | None:
     return None
 
 
-def _be_child(prepared: Prepared, job: Answer, writer: int, printed: IO[bytes], ours: Sequence[Any]) -> None:
+def _be_child(prepared: Prepared, job: Job, writer: int, printed: IO[bytes], ours: Sequence[Any]) -> None:
     """Do the run and end, without any of the cleaning up that belongs to the host."""
     out, status = os.fdopen(writer, "wb", closefd=False), 1
 
@@ -184,7 +185,7 @@ def _be_child(prepared: Prepared, job: Answer, writer: int, printed: IO[bytes], 
         os.dup2(printed.fileno(), 2)
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        space = pages * resource.getpagesize() + int(float(job["memory_limit"]) * 2**20)
+        space = pages * resource.getpagesize() + int(job["memory_limit"] * 2**20)
         resource.setrlimit(resource.RLIMIT_AS, (space, space))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         for part in answers(prepared, job):

@@ -11,7 +11,6 @@ import json
 import os
 import signal
 import subprocess
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +27,7 @@ from trailmark.touching import TOUCHING_TOLERANCE, overlap_core
 from trailmark.world import Query, Robot, World, with_keep_outs
 
 if TYPE_CHECKING:
-    from trailmark.benchmark.problems import Problem
+    from trailmark.benchmark.problems import Job, Problem
 
 __all__ = [
     "NativeError",
@@ -86,13 +85,12 @@ def native_versions() -> dict[str, str]:
     return {f"native {name}": str(_described()[name]) for name in ("ompl", "fcl")} if native_program() else {}
 
 
-def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
+def run_native(problem: Problem, job: Job) -> Answer:
     """Run one of the program's planners on a problem, in a process of its own.
 
     Args:
         problem: world, robot and query.
-        job: planner (with ``native:``, and perhaps parameters), seed, time_limit (s), memory_limit (MB) and resolution
-            (m), as :class:`trailmark.benchmark.problems.Job` holds them.
+        job: the run, of a planner with ``native:`` and perhaps parameters.
 
     Returns:
         Fields of :class:`trailmark.benchmark.record.RunRecord`. ``setup_time`` is the program's own, for reading the
@@ -102,13 +100,13 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
         NativeError: the program is not built, has no such planner, or refuses the problem.
     """
     file = _require_program()
-    (name, parameters), limit = PlannerName.parse(str(job["planner"])), float(job["time_limit"])
+    (name, parameters), limit = PlannerName.parse(job["planner"]), job["time_limit"]
     names = native_planners()
     if name not in names:
         raise NativeError(f"planner: {expected_name(name, names)}")
     command = [str(file), "plan", name.removeprefix(NATIVE)]
     # OMPL takes no seed 0.
-    command += ["--seed", str(int(job["seed"]) + 1), "--resolution", repr(float(job["resolution"]))]
+    command += ["--seed", str(job["seed"] + 1), "--resolution", repr(float(job["resolution"]))]
     command += ["--time-limit", repr(limit), "--memory-limit", repr(float(job["memory_limit"]))]
     command += ["--simplify-limit", repr(SIMPLIFY_LIMIT)]
     for parameter, value in parameters.items():
@@ -119,10 +117,10 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
         done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=allowed, check=False)  # noqa: S603  # our own program, no shell
     except subprocess.TimeoutExpired:
         failure = f"did not end by itself: killed after {allowed:.1f} s"
-        return {"status": int(Status.TIMEOUT), "seed": int(job["seed"]), "solved": False, "failure": failure}
+        return {"status": int(Status.TIMEOUT), "seed": job["seed"], "solved": False, "failure": failure}
     except OSError as error:
         raise NativeError(f"{file.name}: cannot be run: {error.strerror}") from None
-    return _answer(done, file) | {"seed": int(job["seed"])}
+    return _answer(done, file) | {"seed": job["seed"]}
 
 
 def _answer(done: subprocess.CompletedProcess[str], file: Path) -> Answer:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,13 +80,11 @@ class Problem:
         return Path(rows) if self.steering is None else CurvePath(rows, self.steering)
 
 
-@dataclass(frozen=True)
-class Job:
-    """One run to be made.
+class Job(TypedDict):
+    """One run to be made, as executors take it.
 
     Attributes:
-        problem: SHA-256 of the problem.
-        text: the problem itself.
+        text: the problem.
         planner: as named on the command line.
         seed: 0 or more.
         time_limit: seconds of planning.
@@ -94,17 +92,12 @@ class Job:
         resolution: metres, of the discrete baseline.
     """
 
-    problem: str
     text: str
     planner: str
     seed: int
     time_limit: float
     memory_limit: float
     resolution: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the job as plain numbers and strings."""
-        return dict(vars(self))
 
 
 def problems_of(world: World, robot: Robot | None = None, queries: Iterable[str] = ()) -> Iterator[Problem]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from trailmark import se2
 from trailmark.benchmark.planners import PlannerName, method_settings
-from trailmark.benchmark.problems import read_problem
+from trailmark.benchmark.problems import Job, read_problem
 from trailmark.benchmark.record import Status
 from trailmark.benchmark.referee import Referee, path_measures
 from trailmark.collision import StateChecker
@@ -122,18 +122,18 @@ def load_all() -> None:
     checker.motions_by_field(np.ones((1, 3)), np.full((1, 3), 2.0))
 
 
-def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
+def answers(prepared: Prepared, job: Job) -> Iterator[Answer]:
     """Run a job's planner and yield the parts of its answer.
 
     Args:
         prepared: the job's problem.
-        job: as :class:`trailmark.benchmark.problems.Job` gives it.
+        job: the run.
     """
     for end, status in zip(prepared.ends, (Status.INVALID_START, Status.INVALID_GOAL), strict=True):
         if not prepared.checker.valid(end):
             yield {"status": int(status), "time": 0.0, "failure": status.description.lower()}
             return
-    name, limit, graph = PlannerName.parse(str(job["planner"])), float(job["time_limit"]), None
+    name, limit, graph = PlannerName.parse(job["planner"]), job["time_limit"], None
     if name.native:
         from trailmark.benchmark.native import run_native
 
@@ -157,19 +157,19 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
         yield _simplified(prepared, answer["path"])
 
 
-def _settle(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> None:
+def _settle(prepared: Prepared, job: Job, name: PlannerName) -> None:
     """Plan the problem itself for a moment with another seed, by a planner that is dropped, as native programs do.
 
     The memory that a forked process uses for the first time is copied for it. That takes milliseconds, which are not
     the planner's, and which users of a running program do not wait for.
     """
-    limit, seed = min(SETTLING, float(job["time_limit"])), int(job["seed"]) + SEED_OFFSET
+    limit, seed = min(SETTLING, job["time_limit"]), job["seed"] + SEED_OFFSET
     if name.base in METHODS:
         _landmark_planner(prepared, prepared.checker, name, seed).plan(*prepared.ends, time_limit=limit)
         return
     from trailmark.ompl_bridge import measured
 
-    problem = _ompl_problem(prepared, name, seed, float(job["resolution"]))
+    problem = _ompl_problem(prepared, name, seed, job["resolution"])
     measured.measure(problem, name.algorithm, limit, parameters=name.parameters)
 
 
@@ -178,12 +178,12 @@ def _latest(time_limit: float) -> float:
     return time_limit + max(GRACE[0], GRACE[1] * time_limit)
 
 
-def _ompl(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> tuple[Answer, Graph]:
+def _ompl(prepared: Prepared, job: Job, name: PlannerName) -> tuple[Answer, Graph]:
     from trailmark.ompl_bridge import measured
 
-    problem = _ompl_problem(prepared, name, int(job["seed"]), float(job["resolution"]))
+    problem = _ompl_problem(prepared, name, job["seed"], job["resolution"])
     peak = MemoryPeak()
-    run = measured.measure(problem, name.algorithm, float(job["time_limit"]), parameters=name.parameters)
+    run = measured.measure(problem, name.algorithm, job["time_limit"], parameters=name.parameters)
     checked = run.states_checked, run.motions_checked
     answer = _answer(prepared, Status(run.status), run.time, run.curve, run.path, checked, peak)
     return answer, lambda: measured.graph_size(problem)
@@ -208,8 +208,8 @@ def _landmark_planner(prepared: Prepared, checker: StateChecker, name: PlannerNa
     return LandmarkPlanner(world, seed=seed, checker=checker, settings=settings, objective="length", warm=False)
 
 
-def _landmark(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> tuple[Answer, Graph]:
-    limit, peak = float(job["time_limit"]), MemoryPeak()
+def _landmark(prepared: Prepared, job: Job, name: PlannerName) -> tuple[Answer, Graph]:
+    limit, peak = job["time_limit"], MemoryPeak()
     best: list[PlanProgress] = []
 
     def on_progress(progress: PlanProgress) -> None:
@@ -219,7 +219,7 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> 
 
     checker = CountingChecker(prepared.checker)
     begin = perf_counter()
-    planner = _landmark_planner(prepared, checker, name, int(job["seed"]))
+    planner = _landmark_planner(prepared, checker, name, job["seed"])
     before = perf_counter() - begin
     result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress)
     time = perf_counter() - begin
@@ -233,7 +233,7 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> 
     return answer, lambda: (result.landmarks, result.edges)
 
 
-def _own(prepared: Prepared, job: Mapping[str, Any]) -> Generator[Answer, None, Answer]:
+def _own(prepared: Prepared, job: Job) -> Generator[Answer, None, Answer]:
     """Yield how long to wait while a planner of the user's prepares, run it, and return its answer.
 
     It is a function ``plan(checker, start, goal, time_limit, seed)`` named module:function; it returns a path's states,
@@ -242,7 +242,7 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> Generator[Answer, None, 
     ``prepare`` takes ``prepared`` too, which is what ``prepare(checker)`` has returned: that is set-up, before the
     clock starts, as the checker's is.
     """
-    module, _, function = str(job["planner"]).partition(":")
+    module, _, function = job["planner"].partition(":")
     # Last, so that no file of the user's takes a library's place.
     sys.path.append(os.getcwd())  # noqa: PTH109  # sys.path holds strings
     plan = getattr(importlib.import_module(module), function)
@@ -258,14 +258,14 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> Generator[Answer, None, 
         add(perf_counter() - begin, states)
 
     options: dict[str, Any] = {"report": report} if "report" in inspect.signature(plan).parameters else {}
-    limit, begin = float(job["time_limit"]), perf_counter()
+    limit, begin = job["time_limit"], perf_counter()
     if hasattr(plan, "prepare"):
         yield {WAIT: PREPARING}
         options["prepared"] = plan.prepare(checker)
         yield {WAIT: 0.0}
     setup_time = prepared.setup_time + perf_counter() - begin
     begin = perf_counter()
-    found = plan(checker, *prepared.ends, limit, int(job["seed"]), **options)
+    found = plan(checker, *prepared.ends, limit, job["seed"], **options)
     time = perf_counter() - begin
     in_time = [path for t, path in reported if t <= _latest(limit)]
     if found is not None and (time <= _latest(limit) or not in_time):

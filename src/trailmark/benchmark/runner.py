@@ -137,13 +137,18 @@ class Benchmark:
                     missing.append(_Run(experiment, planners[name], problem, name, seed))
         return missing, tally
 
-    def _job(self, run: _Run) -> dict[str, Any]:
+    def _job(self, run: _Run) -> Job:
         problem = run.problem
         if self._last[0] != problem.key:  # runs on a problem follow one another
             self._last = problem.key, problem.text
-        resolution = (self.resolution or resolution_of(run.name)).metres(problem.robot)
-        limits = self.time_limit, self.memory_limit
-        return Job(problem.key, self._last[1], run.name, run.seed, *limits, resolution).to_dict()
+        return {
+            "text": self._last[1],
+            "planner": run.name,
+            "seed": run.seed,
+            "time_limit": self.time_limit,
+            "memory_limit": self.memory_limit,
+            "resolution": (self.resolution or resolution_of(run.name)).metres(problem.robot),
+        }
 
     def _experiment(self, store: Store, problem: Problem) -> int:
         robot, query = problem.robot, problem.query

@@ -13,15 +13,18 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from trailmark.benchmark.errors import WorkerError
 from trailmark.benchmark.record import RunRecord
+
+if TYPE_CHECKING:
+    from trailmark.benchmark.problems import Job
 
 __all__ = ["Pool", "Worker", "cluster", "local", "run_job", "stop_workers"]
 
@@ -96,7 +99,7 @@ _mine = threading.local()
 _all: list[Worker] = []
 
 
-def run_job(job: Mapping[str, Any]) -> Answer:
+def run_job(job: Job) -> Answer:
     """Run a job in this thread's worker: what is handed to an executor, here or on another machine."""
     if not hasattr(_mine, "worker"):
         _mine.worker = Worker()
@@ -124,7 +127,7 @@ class Worker:
         """The host's process id; None while it is not running."""
         return None if self._process is None else self._process.pid
 
-    def run(self, job: Mapping[str, Any]) -> Answer:
+    def run(self, job: Job) -> Answer:
         """Return a job's answer, as fields of a :class:`~trailmark.benchmark.record.RunRecord`.
 
         Raises:
@@ -135,7 +138,7 @@ class Worker:
             assert self._jobs is not None  # noqa: S101  # just started
             begin = perf_counter()
             try:
-                self._jobs.send(dict(job))
+                self._jobs.send(job)
                 answer: Answer = self._answers.recv()
             except (OSError, EOFError):
                 self._end()
