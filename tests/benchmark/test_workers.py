@@ -44,7 +44,7 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
     assert answer["correct_solution"], answer["failure"]
     check_curve(answer)
     cost = Path(answer["path"]).cost
-    if answer["time"] <= 0.2:
+    if answer["time"] <= 0.22:
         assert cost == pytest.approx(answer["solution_length"], rel=1e-5)
     else:  # on a busy machine what was found last is no cost in time
         assert cost <= answer["solution_length"] * (1.0 + 1e-5)
