@@ -126,7 +126,7 @@ def _public(name: str, robot: Robot | None) -> Callable[[Path], None]:
     """Return a reader of a public suite's file."""
 
     def read(path: Path) -> None:
-        from trailmark.benchmark.public.catalogue import PUBLIC
+        from trailmark.benchmark.public import PUBLIC
 
         world = PUBLIC[name].world(path.parent, path, [0], robot)
         assert len(world.queries) == 1
@@ -282,7 +282,7 @@ def _suite(path: Path) -> None:
 
 def _database(folder: Path) -> None:
     from trailmark.benchmark.record import RunRecord
-    from trailmark.benchmark.store import Experiment, Store
+    from trailmark.benchmark.store import Store
 
     run = {
         "status": 6,
@@ -297,8 +297,7 @@ def _database(folder: Path) -> None:
     }
     with Store(folder / "results.db") as store:
         facts = {"text": "trailmark: 1"}
-        wanted = Experiment("room", {"problem": "a"}, {}, facts, 1.0, 512.0, "0.1", "here", "one", "now", 0, 2)
-        experiment = store.experiment(wanted)
+        experiment = store.experiment({"problem": "a"}, {}, facts, name="room", timelimit=1.0, runcount=2, seed=0)
         planner = store.planner("landmark", "{}")
         for seed in (0, 1):
             store.add(experiment, planner, RunRecord.from_json({**run, "seed": seed}))

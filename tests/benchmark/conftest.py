@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from trailmark.benchmark.isolation.worker import Worker
+from trailmark.benchmark.planners import DEFAULT
 from trailmark.benchmark.problems import Job, Problem, problems_of
-from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.status import Status
-from trailmark.benchmark.store import Experiment, Store
+from trailmark.benchmark.record import RunRecord, Status
+from trailmark.benchmark.store import Store
+from trailmark.benchmark.workers import Worker
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Query, Robot, World
 
@@ -53,26 +53,33 @@ def worker() -> Iterator[Worker]:
         made.stop()
 
 
-def job(problem: Problem, planner: str, seed: int = 0, limit: float = 0.2, memory: float = 2048.0) -> dict[str, Any]:
-    return Job(problem.key, problem.text, planner, seed, limit, memory, problem.resolution()).to_dict()
+def job(problem: Problem, planner: str, seed: int = 0, limit: float = 0.2, memory: float = 2048.0) -> Job:
+    return {
+        "text": problem.text,
+        "planner": planner,
+        "seed": seed,
+        "time_limit": limit,
+        "memory_limit": memory,
+        "resolution": DEFAULT.metres(problem.robot),
+    }
 
 
-def experiment(**changes: Any) -> Experiment:
+def experiment(**changes: Any) -> dict[str, Any]:
     row: dict[str, Any] = {
         "name": "room-ahead",
         "identity": {"problem": "abc", "time_limit": 1.0},
         "conditions": {"ompl": "2.0.1"},
         "facts": {"text": "trailmark: 1"},
-        "time_limit": 1.0,
-        "memory_limit": 512.0,
+        "timelimit": 1.0,
+        "memorylimit": 512.0,
         "version": "trailmark 0.1.0, OMPL 2.0.1",
         "hostname": "here",
-        "cpu": "one",
+        "cpuinfo": "one",
         "date": "2026-01-01 00:00:00+00:00",
         "seed": 0,
-        "runs": 2,
+        "runcount": 2,
     }
-    return Experiment(**(row | changes))
+    return row | changes
 
 
 def solved(seed: int = 0, **changes: Any) -> RunRecord:
@@ -110,7 +117,7 @@ def database(tmp_path: Path) -> Path:
     """A database with one experiment: two planners, two seeds, one run that failed."""
     file = tmp_path / "results.db"
     with Store(file) as store:
-        row = store.experiment(experiment())
+        row = store.experiment(**experiment())
         landmark, prm = store.planner("landmark", "default"), store.planner("PRM", "discrete")
         for seed in (0, 1):
             store.add(row, landmark, solved(seed))

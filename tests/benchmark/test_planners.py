@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from trailmark.benchmark import planners
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.planners import known_planners, read_planners, settings_of
 from trailmark.ompl_bridge import planner_names
@@ -17,7 +16,7 @@ from trailmark.planning.settings import METHODS
 
 @pytest.fixture
 def no_native(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(planners, "_native", list)
+    monkeypatch.setattr("trailmark.benchmark.native.native_planners", list)
 
 
 @pytest.mark.usefixtures("no_native")

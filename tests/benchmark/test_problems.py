@@ -9,13 +9,12 @@ import pytest
 from tests.benchmark.conftest import small_world
 
 from trailmark.benchmark.errors import SuiteError
+from trailmark.benchmark.planners import DEFAULT, Resolution
 from trailmark.benchmark.problems import Problem, problems_of, read_problem
-from trailmark.benchmark.resolution import Resolution
 from trailmark.curves import Steering
 from trailmark.errors import FormatError, WorldError
 from trailmark.formats.grid import cells_of
-from trailmark.trajectories import CurvePath
-from trailmark.trajectories.path import Path
+from trailmark.trajectories import CurvePath, Path
 from trailmark.world import Query, Robot, World
 from trailmark.world.goals import Goal
 
@@ -71,7 +70,7 @@ def test_only_the_same_problem_has_the_same_key(ahead: Problem, around: Problem)
 
 
 def test_the_resolution_goes_by_the_robot(ahead: Problem) -> None:
-    assert ahead.resolution() == pytest.approx(0.02, rel=1e-5)
+    assert DEFAULT.metres(ahead.robot) == pytest.approx(0.02, rel=1e-5)
     assert Resolution.parse("25%").metres(ahead.robot) == pytest.approx(0.05, rel=1e-5)
     assert Resolution.parse("0.03").metres(ahead.robot) == 0.03
 

@@ -1,4 +1,4 @@
-"""Reading a results database: small ones counted by hand, and files that are none."""
+"""Reading a results database: small ones counted by hand, figures for the shell, and files that are none."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from tests.benchmark.conftest import experiment, solved
 from tests.helpers.made_results import run, write_results
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.results import load_results
-from trailmark.benchmark.status import Status
-from trailmark.benchmark.store import Experiment, Store
+from trailmark.benchmark.record import RunRecord, Status
+from trailmark.benchmark.results import failure_lines, load_results, summary_rows
+from trailmark.benchmark.store import Store
 from trailmark.errors import FormatError
 
 
@@ -66,27 +66,14 @@ def test_a_run_without_a_first_time_had_its_path_at_the_end(tmp_path: Path) -> N
 
 
 def test_what_the_store_writes_is_read(tmp_path: Path) -> None:
-    experiment = Experiment(
-        name="yard-across",
-        identity={"problem": "ab", "resolution": 0.1},
-        conditions={"Python": "3.11"},
-        facts={"text": "no world"},
-        time_limit=2.0,
-        memory_limit=512.0,
-        version="0",
-        hostname="here",
-        cpu="one",
-        date="2026-01-01",
-        seed=3,
-        runs=2,
-    )
+    wanted = experiment(identity={"problem": "ab", "resolution": 0.1}, facts={"text": "no world"}, seed=3)
     record = RunRecord(
         status=int(Status.EXACT_SOLUTION), seed=3, solved=True, correct_solution=True, time=1.0, solution_length=5.0
     )
     with Store(tmp_path / "r.db") as store:
-        key, planner = store.experiment(experiment), store.planner("landmark", "default")
+        key, planner = store.experiment(**wanted), store.planner("landmark", "default")
         store.add(key, planner, record)
-        store.experiment(Experiment(**{**vars(experiment), "name": "later", "identity": {"problem": "cd"}}))
+        store.experiment(**wanted | {"name": "later", "identity": {"problem": "cd"}})
     # Also while a benchmark holds the file.
     with Store(tmp_path / "r.db"):
         results = load_results(tmp_path / "r.db")
@@ -154,3 +141,44 @@ def test_a_cell_that_is_no_number_is_reported(database: Path, tmp_path: Path, va
         db.commit()
     with pytest.raises(StoreError, match=r"damaged\.db: a cell holds what its column does not"):
         load_results(file)
+
+
+def test_medians_and_counts(tmp_path: Path) -> None:
+    file = tmp_path / "results.db"
+    with Store(file) as store:
+        row, good, bad = store.experiment(**experiment()), store.planner("good", ""), store.planner("bad", "")
+        for seed, cost in enumerate((10.0, 11.0, 12.0)):
+            store.add(row, good, solved(seed, solution_length=cost, simplified_solution_length=10.0))
+        store.add(row, bad, solved(0, correct_solution=False, solution_length=1.0))
+        store.add(row, bad, RunRecord(seed=1, status=4))
+    assert summary_rows(load_results(file), ["good", "bad"])[1:] == [
+        ("good", "3/3", "0", "0.250 s", "x 1.100", "x 1.000"),
+        ("bad", "0/2", "1", "-", "-", "-"),
+    ]
+
+
+def test_experiments_of_one_name_have_rows_of_their_own(tmp_path: Path) -> None:
+    file = tmp_path / "results.db"
+    with Store(file) as store:
+        first, second = experiment(), experiment()
+        second |= {"identity": {**second["identity"], "time_limit": 5.0}, "timelimit": 5.0}
+        planner = store.planner("good", "")
+        for row, cost in ((store.experiment(**first), 10.0), (store.experiment(**second), 8.0)):
+            store.add(row, planner, solved(0, solution_length=cost, simplified_solution_length=cost))
+    rows = summary_rows(load_results(file), ["good"])[1:]
+    assert [row[1:2] for row in rows] == [("1/1",), ("1/1",)]
+    assert rows[1][0] == "good (limit 5 s)"
+    assert rows[0][0].startswith("good (limit ")
+    names = [problem.name for problem in load_results(file).problems]
+    assert len(set(names)) == 2
+    assert names[1].endswith("(limit 5 s)")
+
+
+def test_the_most_frequent_reason_for_failing_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "results.db"
+    with Store(file) as store:
+        row, good, bad = store.experiment(**experiment()), store.planner("good", ""), store.planner("bad", "")
+        store.add(row, good, solved(0))
+        for seed, reason in enumerate(("hit a\nwall", "late", "late", None)):
+            store.add(row, bad, RunRecord(seed=seed, status=8, failure=reason))
+    assert failure_lines(load_results(file), ["good", "bad", "absent"]) == ["bad: 2 of 4 runs: late"]

@@ -14,11 +14,11 @@ from tests.benchmark.conftest import solved
 
 from trailmark.benchmark.environment import versions
 from trailmark.benchmark.errors import StoreError, WorkerError
-from trailmark.benchmark.isolation.executors import Pool
+from trailmark.benchmark.planners import Resolution
 from trailmark.benchmark.problems import Problem
-from trailmark.benchmark.resolution import Resolution
 from trailmark.benchmark.runner import Benchmark, Tally
 from trailmark.benchmark.store import Store
+from trailmark.benchmark.workers import Pool
 
 
 class AtOnce(Executor):
@@ -30,7 +30,7 @@ class AtOnce(Executor):
         self.resolutions: list[float] = []
 
     def submit(self, _: Any, /, job: dict[str, Any]) -> Future[dict[str, Any]]:  # type: ignore[override]  # ours alone
-        self.given.append((job["problem"], job["planner"], job["seed"]))
+        self.given.append((job["text"], job["planner"], job["seed"]))
         self.resolutions.append(job["resolution"])
         future: Future[dict[str, Any]] = Future()
         try:
@@ -70,7 +70,7 @@ def test_problem_by_problem_and_seed_by_seed_through_all_planners(
     seen: list[int] = []
     tally = make(file, plan(ahead, around, seed=7), executor, on_progress=lambda tally: seen.append(tally.done))
     assert executor.given == [
-        (problem.key, planner, seed)
+        (problem.text, planner, seed)
         for problem in (ahead, around)
         for seed in (7, 8)
         for planner in ("landmark", "PRM")

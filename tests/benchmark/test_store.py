@@ -1,4 +1,4 @@
-"""Store: Planner Arena's schema, one writer, nothing lost, nothing overwritten."""
+"""Store: Planner Arena's schema, one writer, nothing lost, nothing overwritten; the record of a run."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ompl import base as ob
 from ompl.tools import readBenchmarkLog
 from tests.benchmark.conftest import experiment, solved
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.schema import MEASURED
+from trailmark.benchmark.record import MEASURED, RunRecord, Status
 from trailmark.benchmark.store import Store
 from trailmark.errors import OutputError
 
@@ -62,7 +62,7 @@ def test_a_run_is_written_with_all_that_it_holds(database: Path) -> None:
 def test_the_same_again_changes_nothing(database: Path) -> None:
     before = rows(database, "SELECT * FROM runs")
     with Store(database) as store:
-        row = store.experiment(experiment(runs=1))
+        row = store.experiment(**experiment(runcount=1))
         assert row == 1
         planner = store.planner("landmark", "default")
         assert store.finished(row) == {(1, 0), (1, 1), (2, 0), (2, 1)}
@@ -73,14 +73,14 @@ def test_the_same_again_changes_nothing(database: Path) -> None:
 
 def test_another_problem_or_limit_is_another_experiment(database: Path) -> None:
     with Store(database) as store:
-        other = store.experiment(experiment(identity={"problem": "abc", "time_limit": 2.0}))
+        other = store.experiment(**experiment(identity={"problem": "abc", "time_limit": 2.0}))
         assert store.finished(other) == set()
         assert store.planner("landmark", "other settings") == 3
 
 
 def test_runs_under_other_conditions_are_not_mixed(database: Path) -> None:
     with Store(database) as store, pytest.raises(StoreError, match=r"made with ompl 2\.0\.1, now it is 3\.0") as caught:
-        store.experiment(experiment(conditions={"ompl": "3.0"}))
+        store.experiment(**experiment(conditions={"ompl": "3.0"}))
     assert "expected the same, or another --output" in str(caught.value)
 
 
@@ -153,7 +153,7 @@ WRITER = """
     from trailmark.benchmark.store import Store
 
     with Store(Path(sys.argv[1])) as store:
-        row, planner = store.experiment(experiment()), store.planner("landmark", "default")
+        row, planner = store.experiment(**experiment()), store.planner("landmark", "default")
         for seed in range(len(store.finished(row)), 100_000):
             store.add(row, planner, solved(seed))
             print(seed, flush=True)
@@ -180,3 +180,23 @@ def test_what_was_reported_to_be_written_survives_a_kill(tmp_path: Path) -> None
         last = there[-1]
         assert rows(file, "PRAGMA integrity_check") == [("ok",)]
         assert rows(file, "SELECT count(*) FROM progress") == [(2 * len(there),)]
+
+
+def test_statuses_have_ompls_numbers() -> None:
+    for status in Status:
+        assert getattr(ob.PlannerStatus, status.name).value == status
+
+
+def test_a_record_survives_json() -> None:
+    record = solved(3)
+    assert RunRecord.from_json(json.loads(json.dumps(record.to_json()))) == record
+
+
+def test_unknown_names_are_left_out() -> None:
+    assert RunRecord.from_json({"status": 4, "weather": "fine"}) == RunRecord(status=4)
+
+
+@pytest.mark.parametrize("answer", [{"status": 77}, {"time": float("nan")}, {"memory": float("inf")}])
+def test_what_ompl_or_sqlite_would_not_take_is_refused(answer: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=r"77|finite"):
+        RunRecord.from_json(answer)

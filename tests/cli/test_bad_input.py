@@ -196,7 +196,7 @@ def test_bad_input_is_one_line_with_status_2_and_changes_no_file(
     if command == "roadmap":
         monkeypatch.undo()
         monkeypatch.chdir(folder)
-    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWER_LIMIT", 0.2)
+    monkeypatch.setattr("trailmark.benchmark.workers.ANSWER_LIMIT", 0.2)
     before = {file: file.read_bytes() for file in folder.iterdir()}
     for words, problem in CASES[command]:
         run = shell(*command.split(), *shlex.split(words))

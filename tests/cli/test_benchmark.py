@@ -219,6 +219,22 @@ def assert_nothing_is_left(mark: str) -> None:
     assert left_behind(mark) == []
 
 
+@pytest.mark.slow
+def test_a_run_that_hangs_ends_with_a_killed_benchmark(
+    yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mark = secrets.token_hex(16)
+    monkeypatch.setenv("TRAILMARK_TEST_MARK", mark)
+    words = [word.replace("honest", "hang") for word in words_for(yard, tmp_path / "results.db", 1)]
+    with subprocess.Popen([*COMMAND, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        deadline = time.perf_counter() + 60.0
+        while len(left_behind(mark)) < 3 and time.perf_counter() < deadline:  # itself, the host, the run
+            time.sleep(0.05)
+        assert len(left_behind(mark)) == 3
+        process.kill()
+    assert_nothing_is_left(mark)
+
+
 def names(file: Path) -> list[str]:
     with closing(sqlite3.connect(file)) as db:
         return [row[0] for row in db.execute("SELECT name FROM experiments ORDER BY id")]

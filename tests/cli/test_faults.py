@@ -174,7 +174,7 @@ def test_kills_leave_whole_files(tmp_path: Path) -> None:
 def test_a_full_disk_under_the_results_keeps_those_that_are_there(tmp_path: Path) -> None:
     file = tmp_path / "results.db"
     with Store(file) as store:
-        row, planner = store.experiment(experiment()), store.planner("good", "")
+        row, planner = store.experiment(**experiment()), store.planner("good", "")
         assert store.add(row, planner, solved(0))
         pages = store._db.execute("PRAGMA page_count").fetchone()[0]
         store._db.execute(f"PRAGMA max_page_count = {pages + 2}")

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from trailmark.benchmark.schema import APPLICATION, DDL, ENUMS, MEASURED, VERSION
-from trailmark.benchmark.status import Status
+from trailmark.benchmark.record import MEASURED, Status
+from trailmark.benchmark.store import APPLICATION, DDL, ENUMS, VERSION
 
 WORLD = """\
 trailmark: 1

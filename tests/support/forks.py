@@ -44,7 +44,7 @@ IMPORTED = (
     "scipy.stats",
     "sklearn.cluster",
     "trailmark.verify",
-    "trailmark.benchmark.isolation.child",
+    "trailmark.benchmark.run",
     "trailmark.benchmark.report",
     "trailmark.cli",
     "trailmark.estimation.mapping",

@@ -5,22 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 __all__ = ["cpu_name", "source_digest", "system", "versions"]
 
-PACKAGES = (
-    "trailmark",
-    "ompl",
-    "python-fcl",
-    "numpy",
-    "scipy",
-    "scikit-learn",
-    "networkx",
-    "numba",
-    "shapely",
-)
+PACKAGES = ("trailmark", "ompl", "python-fcl", "numpy", "scipy", "scikit-learn", "networkx", "numba", "shapely")
 
 
 def versions() -> dict[str, str]:
@@ -50,6 +41,7 @@ def system() -> str:
     return platform.platform()
 
 
+@lru_cache(1)
 def source_digest() -> str:
     """Return the SHA-256 of trailmark's own source files: it identifies the code where the version does not."""
     digest, root = hashlib.sha256(), Path(__file__).resolve().parents[1]

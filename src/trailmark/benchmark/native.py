@@ -1,7 +1,8 @@
 """The native peer: OMPL's C++ planners with FCL in C++, a program of its own, built from ``benchmarks/native``.
 
 It is what a user would choose who finds Python too slow. Its planners are named ``native:PRM`` and so on, and
-``native:PRM+certified`` with certified motions.
+``native:PRM+certified`` with certified motions. It reads problems as JSON of flat triangles, discs and numbers; the
+obstacles are what :mod:`trailmark.collision.fcl_scene` gives to FCL, for the same reasons.
 """
 
 from __future__ import annotations
@@ -10,40 +11,45 @@ import json
 import os
 import signal
 import subprocess
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import shapely
+
 from trailmark.benchmark.errors import BenchmarkError
-from trailmark.benchmark.planner_name import CERTIFIED, PlannerName
-from trailmark.benchmark.status import Status
+from trailmark.benchmark.planners import CERTIFIED, NATIVE, PlannerName
+from trailmark.benchmark.record import Status
 from trailmark.errors import expected_name
+from trailmark.shapes import Disc, Polygon, triangulate
+from trailmark.touching import TOUCHING_TOLERANCE, overlap_core
+from trailmark.world import Query, Robot, World, with_keep_outs
 
 if TYPE_CHECKING:
-    from trailmark.benchmark.problems import Problem
+    from trailmark.benchmark.problems import Job, Problem
 
 __all__ = [
-    "PREFIX",
     "NativeError",
     "native_parameters",
     "native_planners",
     "native_program",
     "native_versions",
+    "problem_text",
     "run_native",
 ]
 
-PREFIX = "native:"
-"""Begins the names of the program's planners."""
+VERSION = 2
+"""Of the problems' format: the program refuses others."""
+
+MARGIN = 1.0
+"""Metres that the obstacle around a boundary reaches beyond the bounds, which no robot leaves by more than 1e-7 m."""
 
 VARIABLE = "TRAILMARK_NATIVE"
 """The environment variable that may name the built program."""
 
 SIMPLIFY_LIMIT = 0.5
 """Seconds that the program's simplifier gets at most, as for the other planners."""
-
-ANY_COST = 1e11
-"""Metres; no path costs as much."""
 
 GRACE = (5.0, 2.0)
 """Seconds, and share of the time limit, that the program gets beyond planning and simplifying before it is ended."""
@@ -65,36 +71,26 @@ def native_program() -> Path | None:
 
 def native_planners() -> list[str]:
     """Return the names of the program's planners, such as ``native:PRM``; none where it is not built."""
-    file = native_program()
-    if file is None:
-        return []
-    described = _description(file, file.stat().st_mtime)["planners"]
-    return [PREFIX + name + motions for name in described for motions in ("", CERTIFIED)]
+    described = _described() if native_program() else {"planners": []}
+    return [NATIVE + name + motions for name in described["planners"] for motions in ("", CERTIFIED)]
 
 
 def native_parameters(name: str) -> list[str]:
     """Return the names of the parameters of one of the program's planners, such as ``native:PRM``."""
-    file = _require_program()
-    described = _description(file, file.stat().st_mtime)
-    return [str(parameter) for parameter in described["parameters"][name.removeprefix(PREFIX).removesuffix(CERTIFIED)]]
+    return [str(word) for word in _described()["parameters"][name.removeprefix(NATIVE).removesuffix(CERTIFIED)]]
 
 
 def native_versions() -> dict[str, str]:
     """Return the versions of the libraries that the program was built with; empty where it is not built."""
-    file = native_program()
-    if file is None:
-        return {}
-    described = _description(file, file.stat().st_mtime)
-    return {f"native {name}": str(described[name]) for name in ("ompl", "fcl")}
+    return {f"native {name}": str(_described()[name]) for name in ("ompl", "fcl")} if native_program() else {}
 
 
-def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
+def run_native(problem: Problem, job: Job) -> Answer:
     """Run one of the program's planners on a problem, in a process of its own.
 
     Args:
         problem: world, robot and query.
-        job: planner (with ``native:``, and perhaps parameters), seed, time_limit (s), memory_limit (MB), resolution (m)
-            and perhaps first, as :class:`trailmark.benchmark.problems.Job` holds them.
+        job: the run, of a planner with ``native:`` and perhaps parameters.
 
     Returns:
         Fields of :class:`trailmark.benchmark.record.RunRecord`. ``setup_time`` is the program's own, for reading the
@@ -103,32 +99,28 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
     Raises:
         NativeError: the program is not built, has no such planner, or refuses the problem.
     """
-    from trailmark.benchmark.export import problem_text
-
     file = _require_program()
-    (name, parameters), limit = PlannerName.parse(str(job["planner"])), float(job["time_limit"])
+    (name, parameters), limit = PlannerName.parse(job["planner"]), job["time_limit"]
     names = native_planners()
     if name not in names:
         raise NativeError(f"planner: {expected_name(name, names)}")
-    command = [str(file), "plan", name.removeprefix(PREFIX)]
+    command = [str(file), "plan", name.removeprefix(NATIVE)]
     # OMPL takes no seed 0.
-    command += ["--seed", str(int(job["seed"]) + 1), "--resolution", repr(float(job["resolution"]))]
+    command += ["--seed", str(job["seed"] + 1), "--resolution", repr(float(job["resolution"]))]
     command += ["--time-limit", repr(limit), "--memory-limit", repr(float(job["memory_limit"]))]
     command += ["--simplify-limit", repr(SIMPLIFY_LIMIT)]
     for parameter, value in parameters.items():
         command += ["--parameter", f"{parameter}={value}"]
-    if job.get("first"):
-        command += ["--cost-threshold", repr(ANY_COST)]
     text = problem_text(problem.world, problem.robot, problem.query)
     allowed = limit + SIMPLIFY_LIMIT + GRACE[0] + GRACE[1] * limit
     try:
         done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=allowed, check=False)  # noqa: S603  # our own program, no shell
     except subprocess.TimeoutExpired:
         failure = f"did not end by itself: killed after {allowed:.1f} s"
-        return {"status": int(Status.TIMEOUT), "seed": int(job["seed"]), "solved": False, "failure": failure}
+        return {"status": int(Status.TIMEOUT), "seed": job["seed"], "solved": False, "failure": failure}
     except OSError as error:
         raise NativeError(f"{file.name}: cannot be run: {error.strerror}") from None
-    return _answer(done, file) | {"seed": int(job["seed"])}
+    return _answer(done, file) | {"seed": job["seed"]}
 
 
 def _answer(done: subprocess.CompletedProcess[str], file: Path) -> Answer:
@@ -155,6 +147,11 @@ def _require_program() -> Path:
     return file
 
 
+def _described() -> Answer:
+    file = _require_program()
+    return _description(file, file.stat().st_mtime)
+
+
 @lru_cache(maxsize=2)
 def _description(file: Path, changed: float) -> Answer:
     """Return the program's planners and versions; ``changed`` makes a rebuilt program another one."""
@@ -166,3 +163,82 @@ def _description(file: Path, changed: float) -> Answer:
     except (OSError, subprocess.SubprocessError, ValueError, KeyError, TypeError):
         raise NativeError(f"{file.name}: does not name its planners, as the native program would") from None
     return described
+
+
+def problem_text(world: World, robot: Robot, query: Query) -> str:
+    """Return a problem as one JSON object.
+
+    Fields: ``trailmark_native`` (the format's version); ``bounds`` (xmin, ymin, xmax, ymax, metres) and
+    ``tolerance`` (metres that the robot may reach beyond them); ``triangles`` (rows x1, y1, x2, y2, x3, y3,
+    counter-clockwise) and ``discs`` (rows x, y, radius); ``robot`` in its own frame: ``shape`` (disc or polygon),
+    ``radius`` or ``triangles`` and ``hull`` (the corners of its convex hull), ``circumradius``, ``inscribed`` (x, y,
+    radius), ``turning_radius`` (metres; 0 if it is no car) and ``reverse``; ``start`` and ``goal`` (x, y, theta).
+    """
+    ends = {"start": list(query.start), "goal": list(query.pose())}
+    # The obstacles' part is cached as text: queries of one world differ in their last two fields only.
+    return (
+        _scene(world.bounds, world.boundary, with_keep_outs(world).obstacles, robot)[:-1] + ", " + json.dumps(ends)[1:]
+    )
+
+
+@lru_cache(maxsize=4)
+def _scene(
+    bounds: tuple[float, float, float, float], boundary: Polygon | None, obstacles: tuple[Any, ...], robot: Robot
+) -> str:
+    polygons = [shape.polygon() for shape in obstacles if not isinstance(shape, Disc)]
+    scene = {
+        "trailmark_native": VERSION,
+        "bounds": list(bounds),
+        "tolerance": TOUCHING_TOLERANCE,
+        "triangles": _triangles(polygons + _outside(bounds, boundary)),
+        "discs": [[*shape.center, shape.radius] for shape in obstacles if isinstance(shape, Disc)],
+        "robot": _robot(robot),
+    }
+    return json.dumps(scene)
+
+
+def _robot(robot: Robot) -> Answer:
+    inscribed = robot.inscribed_disc
+    common = {
+        "circumradius": robot.circumradius,
+        "inscribed": [*inscribed.center, _less_touching(inscribed.radius)],
+        "turning_radius": robot.turning_radius or 0.0,
+        "reverse": robot.reverse,
+    }
+    if isinstance(robot.footprint, Disc):
+        return {"shape": "disc", "radius": _less_touching(robot.footprint.radius), **common}
+    region = robot.outline.shapely()
+    parts = [_polygon(part) for part in overlap_core(robot.outline.rings()[0])]
+    hull = shapely.get_coordinates(shapely.convex_hull(region))[:-1]
+    return {"shape": "polygon", "triangles": _triangles(parts or [robot.outline]), "hull": hull.tolist(), **common}
+
+
+def _less_touching(radius: float) -> float:
+    """Return a disc's radius (metres) less what counts as touching; something is left of any disc."""
+    return max(radius - TOUCHING_TOLERANCE, 0.5 * radius)
+
+
+def _outside(bounds: tuple[float, float, float, float], boundary: Polygon | None) -> list[Polygon]:
+    """Return the part of a frame around the bounds that lies outside the boundary."""
+    if boundary is None:
+        return []
+    xmin, ymin, xmax, ymax = bounds
+    frame = shapely.box(xmin - MARGIN, ymin - MARGIN, xmax + MARGIN, ymax + MARGIN)
+    outside = shapely.difference(frame, boundary.shapely())
+    return [_polygon(part) for part in shapely.get_parts(outside) if part.area > 0.0]
+
+
+def _polygon(region: shapely.Polygon) -> Polygon:
+    return Polygon(
+        shapely.get_coordinates(region.exterior), tuple(shapely.get_coordinates(ring) for ring in region.interiors)
+    )
+
+
+def _triangles(polygons: list[Polygon]) -> list[list[float]]:
+    """Return rows x1, y1, x2, y2, x3, y3 of triangles that fill the polygons; none without area."""
+    if not polygons:
+        return []
+    corners = np.concatenate([triangulate(polygon) for polygon in polygons])
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    rows: list[list[float]] = corners[u[:, 0] * v[:, 1] > u[:, 1] * v[:, 0]].reshape(-1, 6).tolist()
+    return rows

@@ -3,33 +3,139 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import fields, replace
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.benchmark.planner_name import CERTIFIED, PlannerName
 from trailmark.errors import ConfigurationError, expected_name
 
 if TYPE_CHECKING:
     from trailmark.planning import PlannerSettings
+    from trailmark.world import Robot
 
-__all__ = ["known_planners", "method_settings", "read_planners", "settings_of"]
+__all__ = ["PlannerName", "Resolution", "known_planners", "method_settings", "read_planners", "settings_of"]
+
+CERTIFIED = "+certified"
+"""Ends the name of one of OMPL's planners that plans with certified motions."""
+
+NATIVE = "native:"
+"""Begins the name of one of OMPL's planners in C++."""
+
+
+class PlannerName(NamedTuple):
+    """A planner and the parameters that it is given, as in ``RRTConnect+certified:range=2,intermediate_states=true``.
+
+    Attributes:
+        base: such as ``landmark``, ``PRM+certified``, ``native:PRM`` or ``module:function``.
+        parameters: values as they were given, by name.
+    """
+
+    base: str
+    parameters: dict[str, str]
+
+    @classmethod
+    def parse(cls, text: str) -> PlannerName:
+        """Return what a name says.
+
+        Raises:
+            SuiteError: parameters that are not ``name=value,name=value``.
+        """
+        base, colon, last = text.rpartition(":")
+        if not colon or "=" not in last:
+            return cls(text, {})
+        parameters: dict[str, str] = {}
+        for word in last.split(","):
+            name, equals, value = (part.strip() for part in word.partition("="))
+            if not (name and equals and value) or name in parameters:
+                raise SuiteError(f"planner {text!r}: expected PLANNER:name=value,name=value, each once, got {word!r}")
+            parameters[name] = value
+        return cls(base, parameters)
+
+    @property
+    def native(self) -> bool:
+        """Whether it is one of OMPL's in C++."""
+        return self.base.startswith(NATIVE)
+
+    @property
+    def own(self) -> bool:
+        """Whether it is a function of the user's."""
+        return ":" in self.base and not self.native
+
+    @property
+    def algorithm(self) -> str:
+        """The name of OMPL's planner, certified or not."""
+        return self.base.removesuffix(CERTIFIED)
+
+    @property
+    def certified(self) -> bool:
+        """Whether OMPL's planner gets certified motions."""
+        return self.base.endswith(CERTIFIED)
+
+    def __str__(self) -> str:
+        given = ",".join(f"{name}={value}" for name, value in self.parameters.items())
+        return f"{self.base}:{given}" if given else self.base
+
+
+class Resolution(NamedTuple):
+    """How far apart the states lie that OMPL's discrete motion validation checks.
+
+    Attributes:
+        value: metres, or a share of a robot's inscribed radius; above 0.
+        share: whether it is a share.
+    """
+
+    value: float
+    share: bool
+
+    @classmethod
+    def parse(cls, text: str) -> Resolution:
+        """Return what ``0.02`` (metres) or ``10%`` (of the inscribed radius) says.
+
+        Raises:
+            SuiteError: anything else.
+        """
+        share = text.endswith("%")
+        try:
+            value = float(text.removesuffix("%")) / (100.0 if share else 1.0)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and value > 0.0):
+            raise SuiteError(f"expected metres above 0, or a share of the inscribed radius such as 10%, got {text!r}")
+        return cls(value, share)
+
+    def metres(self, robot: Robot) -> float:
+        """Return the distance for a robot."""
+        return self.value * robot.inscribed_disc.radius if self.share else self.value
+
+
+DEFAULT = Resolution(0.1, share=True)
+"""Of OMPL's planners from Python: the referee refused 1 of 168 paths that they found so, 36 of 252 at five times it."""
+
+NATIVE_DEFAULT = Resolution(0.05, share=True)
+"""Of native planners, whose checks cost less: 1 of 269 paths was refused; at ten times it 68 of 392."""
+
+OWN = f"{100.0 * DEFAULT.value:g} % of the robot's inscribed radius, native planners {100.0 * NATIVE_DEFAULT.value:g} %"
+"""What the results say where each planner has its own."""
+
+
+def resolution_of(planner: str) -> Resolution:
+    """Return the resolution at which refusals of a planner are rare."""
+    return NATIVE_DEFAULT if planner.startswith(NATIVE) else DEFAULT
 
 
 def known_planners() -> list[str]:
     """Return the names of all planners: trailmark's, OMPL's as they are and certified, native ones where built."""
+    from trailmark.benchmark.native import native_planners
     from trailmark.ompl_bridge.planners import planner_names
     from trailmark.planning.settings import METHODS
 
-    names = list(METHODS)
-    for name in planner_names():
-        names += [name, name + CERTIFIED]
-    return names + _native()
+    return [*METHODS, *(name + motions for name in planner_names() for motions in ("", CERTIFIED)), *native_planners()]
 
 
 def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
@@ -43,71 +149,59 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
     Raises:
         SuiteError: a name that is none of them, a parameter that the planner does not have, or no name at all.
     """
-    known = [name for name in known_planners() if not (cars and _moves_straight(name))]
-    spelt = {name.lower(): name for name in known}
+    spelt = {name.lower(): name for name in known_planners() if not (cars and name == "lattice")}
+    known = list(spelt.values())
     chosen: dict[str, None] = {}
     for text in given:
-        name, parameters = PlannerName.parse(text)
+        name = PlannerName.parse(text)
         if text == "all":
             chosen |= dict.fromkeys(known)
-        elif name.lower() in spelt:
-            named = PlannerName(spelt[name.lower()], parameters)
-            _require_parameters(named)
-            chosen[str(named)] = None
-        elif cars and _moves_straight(name.lower()):
-            raise SuiteError(f"planner: expected one that plans for cars, got {name!r}, which moves straight")
-        elif name.startswith("native:") and not any(other.startswith("native:") for other in known):
-            raise SuiteError(f"planner {name!r} given, but the native program is not built (see benchmarks/native)")
-        elif ":" in name and not name.startswith("native:"):
-            _require_parameters(PlannerName(name, parameters))
-            _require_module(name)
-            chosen[name] = None
+            continue
+        if name.base.lower() in spelt:
+            name = name._replace(base=spelt[name.base.lower()])
+        elif name.own:
+            _require_module(name.base)
+        elif cars and name.base.lower() == "lattice":
+            raise SuiteError(f"planner: expected one that plans for cars, got {name.base!r}, which moves straight")
+        elif name.native and not any(other.startswith(NATIVE) for other in known):
+            raise SuiteError(
+                f"planner {name.base!r} given, but the native program is not built (see benchmarks/native)"
+            )
+        elif near := [spelt.get(other, other) for other in get_close_matches(name.base.lower(), [*spelt, "all"], n=6)]:
+            raise SuiteError(f"planner: {expected_name(name.base, near)}")
         else:
-            raise SuiteError(f"planner: {_near(name, [*known, 'all'])}")
+            short = [other for other in [*known, "all"] if other.islower()]
+            raise SuiteError(
+                f"planner: {expected_name(name.base, short)}, or one of OMPL's, such as RRTConnect "
+                "(see 'trailmark benchmark --help')"
+            )
+        _require_parameters(name)
+        chosen[str(name)] = None
     if not chosen:
         raise SuiteError(f"no planner given; expected {', '.join([*known, 'all'])}")
     return list(chosen)
 
 
-def _near(name: str, known: Sequence[str]) -> str:
-    """Return what was expected in place of a name: the names near it, else where all are listed."""
-    spelt = {other.lower(): other for other in known}
-    if near := [spelt[other] for other in get_close_matches(name.lower(), spelt, n=6)]:
-        return expected_name(name, near)
-    own = [other for other in known if other.islower()]
-    return f"{expected_name(name, own)}, or one of OMPL's, such as RRTConnect (see 'trailmark benchmark --help')"
-
-
-def settings_of(name: str, *, first: bool = False) -> str:
-    """Return what the results say about a planner's settings.
-
-    Args:
-        name: as :func:`read_planners` returns it.
-        first: whether its runs end at their first path.
-    """
-    if first:
-        return f"{settings_of(name)}; ends at its first path"
-    named = PlannerName.parse(name)
-    if name.startswith("native:"):
-        native = importlib.import_module("trailmark.benchmark.native")
-        made = ", ".join(f"{what} {version}" for what, version in native.native_versions().items())
-        motions = "certified by bisection of clearances" if named.certified else "discrete"
-        return f"OMPL in C++, {_given(named)}; states checked by FCL in C++; motions {motions}; {made}"
-    if ":" in named.base:
-        return "a function of the user's own"
+def settings_of(name: str) -> str:
+    """Return what the results say about the settings of a planner, named as :func:`read_planners` returns it."""
     from trailmark.planning.settings import METHODS
 
+    named = PlannerName.parse(name)
+    given = ", ".join([*(f"{key}={value}" for key, value in named.parameters.items()), ""])
+    given = f"{given}else default settings" if given else "default settings"
+    if named.native:
+        from trailmark.benchmark.native import native_versions
+
+        made = ", ".join(f"{what} {version}" for what, version in native_versions().items())
+        motions = "certified by bisection of clearances" if named.certified else "discrete"
+        return f"OMPL in C++, {given}; states checked by FCL in C++; motions {motions}; {made}"
+    if named.own:
+        return "a function of the user's own"
     if named.base in METHODS:
         chosen = ", ".join(f"{setting}={value}" for setting, value in method_settings(named).to_dict().items())
         return f"trailmark's LandmarkPlanner, method {named.base}; motions certified; {chosen}"
     motions = "certified by trailmark" if named.certified else "discrete, at the experiment's resolution"
-    return f"OMPL from Python, {_given(named)}; states checked by trailmark; motions {motions}"
-
-
-def _given(name: PlannerName) -> str:
-    """Return what the results say about the parameters of one of OMPL's planners."""
-    given = ", ".join(f"{parameter}={value}" for parameter, value in name.parameters.items())
-    return f"{given}, else default settings" if given else "default settings"
+    return f"OMPL from Python, {given}; states checked by trailmark; motions {motions}"
 
 
 def method_settings(name: PlannerName) -> PlannerSettings:
@@ -136,44 +230,30 @@ def method_settings(name: PlannerName) -> PlannerSettings:
 
 def _require_parameters(name: PlannerName) -> None:
     """Raise SuiteError unless the planner has the parameters that its name gives, with such values."""
+    from trailmark.ompl_bridge.errors import PlannerNameError
+    from trailmark.ompl_bridge.planners import set_parameters
     from trailmark.planning.settings import METHODS
 
     if not name.parameters:
         return
-    if name.base.startswith("native:"):
-        native = importlib.import_module("trailmark.benchmark.native")
-        known = native.native_parameters(name.base)
+    if name.native:
+        from trailmark.benchmark.native import native_parameters
+
+        known = native_parameters(name.base)
         for parameter, text in name.parameters.items():
             if parameter not in known:
                 raise SuiteError(f"planner {name.base}: parameter: {expected_name(parameter, known)}")
             if not re.fullmatch(r"true|false|\d+(\.\d*)?(e[-+]?\d+)?", text):
                 raise SuiteError(f"planner {name.base}: {parameter}: expected a number, true or false, got {text!r}")
-        return
-    if ":" in name.base:
+    elif name.own:
         raise SuiteError(f"planner {str(name)!r}: expected no parameters, for {name.base!r} takes none")
-    if name.base in METHODS:
+    elif name.base in METHODS:
         method_settings(name)
-        return
-    from trailmark.ompl_bridge.errors import PlannerNameError
-    from trailmark.ompl_bridge.planners import set_parameters
-
-    try:
-        set_parameters(name.algorithm, name.parameters)
-    except PlannerNameError as error:
-        raise SuiteError(str(error)) from None
-
-
-def _moves_straight(name: str) -> bool:
-    """Return whether a planner knows no motions but straight ones."""
-    return name == "lattice"
-
-
-def _native() -> list[str]:
-    """Return the native program's planners; none where it is not built."""
-    if importlib.util.find_spec("trailmark.benchmark.native") is None:
-        return []
-    native = importlib.import_module("trailmark.benchmark.native")
-    return list(native.native_planners())
+    else:
+        try:
+            set_parameters(name.algorithm, name.parameters)
+        except PlannerNameError as error:
+            raise SuiteError(str(error)) from None
 
 
 def _require_module(name: str) -> None:

@@ -7,12 +7,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.benchmark.resolution import DEFAULT
 from trailmark.curves import Steering
 from trailmark.errors import FormatError, WorldError
 from trailmark.trajectories import CurvePath, Path
@@ -80,38 +79,25 @@ class Problem:
         rows = np.asarray(states, dtype=np.float64)
         return Path(rows) if self.steering is None else CurvePath(rows, self.steering)
 
-    def resolution(self) -> float:
-        """Metres between the states that the discrete baseline checks if nobody says another distance."""
-        return DEFAULT.metres(self.robot)
 
-
-@dataclass(frozen=True)
-class Job:
-    """One run to be made.
+class Job(TypedDict):
+    """One run to be made, as executors take it.
 
     Attributes:
-        problem: SHA-256 of the problem.
-        text: the problem itself.
+        text: the problem.
         planner: as named on the command line.
         seed: 0 or more.
         time_limit: seconds of planning.
         memory_limit: MB above what the process holds when planning begins.
         resolution: metres, of the discrete baseline.
-        first: whether the first path ends the run.
     """
 
-    problem: str
     text: str
     planner: str
     seed: int
     time_limit: float
     memory_limit: float
     resolution: float
-    first: bool = False
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the job as plain numbers and strings."""
-        return dict(vars(self))
 
 
 def problems_of(world: World, robot: Robot | None = None, queries: Iterable[str] = ()) -> Iterator[Problem]:

@@ -1,29 +1,48 @@
-"""RunRecord: what one run of one planner answers, and how it travels as one line of JSON."""
+"""RunRecord: what one run of one planner answers, and how it ended."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from enum import IntEnum
 from typing import Any
 
-from trailmark.benchmark.status import Status
-
-__all__ = ["RunRecord"]
+__all__ = ["MEASURED", "RunRecord", "Status"]
 
 States = list[list[float]]
 
 
+class Status(IntEnum):
+    """How a run ended; the numbers are those of ``ompl::base::PlannerStatus``."""
+
+    UNKNOWN = 0
+    INVALID_START = 1
+    INVALID_GOAL = 2
+    UNRECOGNIZED_GOAL_TYPE = 3
+    TIMEOUT = 4
+    APPROXIMATE_SOLUTION = 5
+    EXACT_SOLUTION = 6
+    CRASH = 7
+    ABORT = 8
+    INFEASIBLE = 9
+
+    @property
+    def description(self) -> str:
+        """OMPL's words for it, as in the ``enums`` table of its benchmark databases."""
+        return "Unknown status" if self == Status.UNKNOWN else self.name.replace("_", " ").capitalize()
+
+
 @dataclass
 class RunRecord:
-    """One run. A planner's process (or a native program) answers with the fields up to ``failure``.
+    """One run. Its fields, but the curve, are the columns of a results database's table ``runs``.
 
     Times are seconds of wall clock, costs are OMPL's SE2 distance along the path (metres). What is not known is None.
 
     Attributes:
         status: OMPL's number for how it ended.
-        seed: what the run was seeded with.
         solved: whether the planner calls its path an exact solution; the referee decides in ``correct_solution``.
+        correct_solution: whether the referee accepts ``path``.
         approximate_solution: whether a path was returned that does not reach the goal.
         solution_difference: distance from the returned path's end to the goal (metres of cost); 0 if exact.
         time: planning, from the call to its end; no set-up of world and checker, no start of a process.
@@ -38,24 +57,23 @@ class RunRecord:
         graph_motions: its edges.
         memory: MB (2^20 bytes) of heap in use above what was in use when planning began: the largest value measured,
             after each of the landmark planner's steps, at the end of OMPL's planners.
-        setup_time: loading the world and building the checker; shared by all runs on the problem.
-        curve: (seconds, cost) of the best solution so far, in the order of time, a row for each better one.
-        path: states [x, y, theta] of the returned path, also of an approximate one.
-        simplified_path: states after the simplifier.
-        smoothness: radians that the direction of travel turns for each metre of ``path``, if that is correct; filled in
-            by the worker, as the next two; :class:`~trailmark.benchmark.measures.Measures` defines them.
-        max_curvature: its largest turn over the robot's inscribed radius (radians / metre).
+        seed: what the run was seeded with.
+        setup_time: reading the problem and building its checker.
+        overhead: wall time of the job less ``time``, ``simplification_time`` and what preparing the problem took, if
+            it was not ready: forking, counting the graph, judging the path, handing over.
+        smoothness: how much the path's direction turns for each metre (radians / metre).
+        max_curvature: of the path (radians / metre).
         min_clearance: its least distance to obstacles and bounds (metres).
         parameters: of one of OMPL's planners once it is set up, ``name=value`` by commas: some follow from the problem.
         failure: one line that says why there is no answer, or why it was refused.
-        correct_solution: whether the referee accepts ``path``; filled in by the worker.
-        overhead: wall time of the job less ``time``, ``simplification_time`` and what preparing the problem took, if
-            it was not ready: forking, counting the graph, judging the path, handing over; filled in by the worker.
+        path: states [x, y, theta] of the returned path, also of an approximate one.
+        simplified_path: states after the simplifier.
+        curve: (seconds, cost) of each better path, in the order of time.
     """
 
     status: int = Status.UNKNOWN
-    seed: int = 0
     solved: bool = False
+    correct_solution: bool = False
     approximate_solution: bool = False
     solution_difference: float | None = None
     time: float | None = None
@@ -69,17 +87,17 @@ class RunRecord:
     graph_states: int | None = None
     graph_motions: int | None = None
     memory: float | None = None
+    seed: int = 0
     setup_time: float | None = None
-    curve: list[tuple[float, float]] = field(default_factory=list)
-    path: States | None = None
-    simplified_path: States | None = None
+    overhead: float | None = None
     smoothness: float | None = None
     max_curvature: float | None = None
     min_clearance: float | None = None
     parameters: str | None = None
     failure: str | None = None
-    correct_solution: bool = False
-    overhead: float | None = None
+    path: States | None = None
+    simplified_path: States | None = None
+    curve: list[tuple[float, float]] = field(default_factory=list)
 
     @classmethod
     def from_json(cls, answer: Mapping[str, Any]) -> RunRecord:
@@ -92,12 +110,19 @@ class RunRecord:
         record = cls(**{name: value for name, value in answer.items() if name in known})
         record.status = int(Status(record.status))
         record.curve = [(float(t), float(cost)) for t, cost in record.curve]
-        for f in fields(cls):
-            value = getattr(record, f.name)
+        for name, value in vars(record).items():
             if isinstance(value, float) and not math.isfinite(value):
-                raise ValueError(f"{f.name}: expected a finite number, got {value}")
+                raise ValueError(f"{name}: expected a finite number, got {value}")
         return record
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields as plain numbers, strings and lists."""
         return asdict(self)
+
+
+_KINDS = {"int": "INTEGER", "bool": "BOOLEAN", "float": "REAL", "str": "TEXT", "States": "TEXT"}
+
+MEASURED = {f.name: _KINDS[str(f.type).removesuffix(" | None")] for f in fields(RunRecord) if f.name != "curve"} | {
+    "status": "ENUM"
+}
+"""The columns of ``runs`` after its three keys, with SQLite's types. Paths are JSON."""

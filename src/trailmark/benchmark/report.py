@@ -1,6 +1,8 @@
 """The report on a results database: one static page that works offline, light or dark.
 
-It reads the database alone, so that it can be written on any machine, also while a benchmark is running.
+It reads the database alone, so that it can be written on any machine, also while a benchmark is running. A run that
+failed has no time and no cost: in means of times it counts as the time limit, in medians as infinity, that is, as worse
+than every run that succeeded.
 """
 
 from __future__ import annotations
@@ -14,24 +16,82 @@ from typing import Any, NamedTuple
 
 import jinja2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
+from scipy import stats
 
 from trailmark.benchmark.results import FloatArray, Problem, Results, Runs
-from trailmark.benchmark.statistics import Ratio, paired_ratio, shifted_geometric_mean, step_values, wilson
 from trailmark.plotting.benchmark import line_chart
 
-__all__ = ["html_report", "ranked"]
-
-Rows = NDArray[np.int64]
+__all__ = ["Ratio", "html_report", "paired_ratio", "ranked", "shifted_geometric_mean", "step_values", "wilson"]
 
 SHIFT = 0.01
 """Seconds, of the shifted geometric mean of times."""
+RESAMPLES = 2_000
+"""Of the bootstrap."""
 MOMENTS = 240
 """Places along the time axis at which the charts look."""
 NOTHING = "–"
 CONDITIONS = {"version": "version", "cpuinfo": "processor", "hostname": "machine", "date": "first begun"}
 OWN = ("text", "start", "goal", "problem", "processor")
 """Parts of a problem's setup that are no condition: they are the problem."""
+
+
+class Ratio(NamedTuple):
+    """A geometric mean of ratios and its 95 % interval; NaN where nothing is known."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def wilson(successes: int, n: int) -> tuple[float, float]:
+    """Return Wilson's 95 % score interval of a share (JASA 22, 1927): low and high; 0 to 1 of no runs."""
+    if n == 0:
+        return 0.0, 1.0
+    found = stats.binomtest(successes, n).proportion_ci(method="wilson")
+    return float(found.low), float(found.high)
+
+
+def shifted_geometric_mean(values: ArrayLike, shift: float) -> float:
+    """Return exp(mean log(v + shift)) − shift of values above −shift; NaN of none.
+
+    The shift keeps values much smaller than it from deciding the mean (H. Mittelmann's benchmarks of solvers).
+    """
+    array = np.asarray(values, dtype=np.float64)
+    return float(np.expm1(np.log1p(array / shift).mean()) * shift) if array.size else math.nan
+
+
+def step_values(times: ArrayLike, values: ArrayLike, at: ArrayLike) -> FloatArray:
+    """Return the lowest value reached until each moment, shape of ``at``; infinity before the first.
+
+    Args:
+        times: shape (n,), seconds, ascending.
+        values: shape (n,), what was reached then.
+        at: shape (m,), seconds.
+    """
+    lowest = np.minimum.accumulate(np.concatenate([[np.inf], np.asarray(values, dtype=np.float64)]))
+    return np.asarray(lowest[np.searchsorted(np.asarray(times, dtype=np.float64), at, side="right")])
+
+
+def paired_ratio(pairs: Sequence[tuple[ArrayLike, ArrayLike]]) -> Ratio:
+    """Return the geometric mean of a / b over problems, with a percentile bootstrap interval that resamples problems.
+
+    With a single problem its pairs of runs are resampled.
+
+    Args:
+        pairs: for each problem the values of two planners with the same seeds, positive, each of shape (n,).
+    """
+    logs = [np.log(np.asarray(a, dtype=np.float64)) - np.log(np.asarray(b, dtype=np.float64)) for a, b in pairs]
+    logs = [each for each in logs if len(each)]
+    if not logs:
+        return Ratio(math.nan, math.nan, math.nan)
+    units = np.array([each.mean() for each in logs]) if len(logs) > 1 else logs[0]
+    mean = math.exp(float(units.mean()))
+    if len(units) < 2 or np.ptp(units) == 0.0:
+        return Ratio(mean, mean, mean)
+    found = stats.bootstrap((units,), np.mean, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(0))
+    low, high = found.confidence_interval
+    return Ratio(mean, math.exp(float(low)), math.exp(float(high)))
 
 
 class _Table(NamedTuple):
@@ -97,46 +157,26 @@ def _ranking(results: Results, names: Sequence[str]) -> _Table:
         low, high = wilson(solved, count)
         times = np.concatenate([runs.first_times for _, runs in parts])
         costs = np.concatenate([_over_best(problem, runs.costs) for problem, runs in parts])
-        rows.append(
-            [
-                *(name, f"{solved} of {count}", f"{100 * low:.0f} to {100 * high:.0f} %"),
-                str(sum(runs.refused for _, runs in parts)),
-                *(_number(float(np.median(times))), _number(_mean_time(parts))),
-                _ratio(_time_ratio(results, name, names[0])) if name != names[0] else "1",
-                _number(float(np.median(costs))),
-                _ratio(_cost_ratio(results, name, names[0])) if name != names[0] else "1",
-            ]
-        )
+        time_ratio, cost_ratio = _ratios(results, name, names[0]) if name != names[0] else ("1", "1")
+        refused = str(sum(runs.refused for _, runs in parts))
+        row = [name, f"{solved} of {count}", f"{100 * low:.0f} to {100 * high:.0f} %", refused]
+        row += [_number(float(np.median(times))), _number(_mean_time(parts)), time_ratio]
+        rows.append([*row, _number(float(np.median(costs))), cost_ratio])
     return _Table(header, rows)
 
 
-def _pairs(results: Results, name: str, other: str) -> list[tuple[Problem, Rows, Rows]]:
-    """Return, for each problem that both ran on, the rows of the runs with the same seeds in either's arrays."""
-    found = []
+def _ratios(results: Results, name: str, other: str) -> tuple[str, str]:
+    """Return how a planner's times and costs compare with another's, on the problems and with the seeds of both."""
+    times, costs = [], []
     for problem in results.problems:
         if name in problem.runs and other in problem.runs:
-            seeds = problem.runs[name]["seed"], problem.runs[other]["seed"]
-            _, own, others = np.intersect1d(*seeds, return_indices=True)
-            found.append((problem, own.astype(np.int64), others.astype(np.int64)))
-    return found
-
-
-def _time_ratio(results: Results, name: str, other: str) -> Ratio:
-    return paired_ratio(
-        [
-            (_at_limit(problem, problem.runs[name])[own], _at_limit(problem, problem.runs[other])[others])
-            for problem, own, others in _pairs(results, name, other)
-        ]
-    )
-
-
-def _cost_ratio(results: Results, name: str, other: str) -> Ratio:
-    pairs = []
-    for problem, own, others in _pairs(results, name, other):
-        a, b = problem.runs[name].costs[own], problem.runs[other].costs[others]
-        both = np.isfinite(a) & np.isfinite(b) & (a > 0.0) & (b > 0.0)
-        pairs.append((a[both], b[both]))
-    return paired_ratio(pairs)
+            ours, theirs = problem.runs[name], problem.runs[other]
+            _, own, others = np.intersect1d(ours["seed"], theirs["seed"], return_indices=True)
+            times.append((_at_limit(problem, ours)[own], _at_limit(problem, theirs)[others]))
+            a, b = ours.costs[own], theirs.costs[others]
+            both = np.isfinite(a) & np.isfinite(b) & (a > 0.0) & (b > 0.0)
+            costs.append((a[both], b[both]))
+    return _ratio(paired_ratio(times)), _ratio(paired_ratio(costs))
 
 
 def _moments(results: Results) -> FloatArray:
@@ -170,15 +210,8 @@ def _cost_over_time(results: Results, names: Sequence[str]) -> dict[str, tuple[F
 
 
 def _problem_table(problem: Problem, names: Sequence[str]) -> _Table:
-    header = [
-        "planner",
-        "solved",
-        "refused",
-        "first path, median s",
-        "cost, median",
-        "simplified, median",
-        "least cost",
-    ]
+    header = ["planner", "solved", "refused", "first path, median s"]
+    header += ["cost, median", "simplified, median", "least cost"]
     rows = []
     for name in names:
         if name in problem.runs:

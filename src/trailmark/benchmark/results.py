@@ -1,10 +1,13 @@
-"""Results: the content of a results database as arrays, problem by problem."""
+"""Results: the content of a results database as arrays, problem by problem, and a few figures of it for the shell."""
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.labels import differences
-from trailmark.benchmark.schema import APPLICATION, MEASURED, VERSION
-from trailmark.benchmark.status import Status
+from trailmark.benchmark.record import MEASURED, Status
+from trailmark.benchmark.store import APPLICATION, BUSY, VERSION
 from trailmark.errors import FormatError, TrailmarkError
 
-__all__ = ["Curve", "Problem", "Results", "Runs", "load_results"]
+__all__ = ["Curve", "Problem", "Results", "Runs", "differences", "failure_lines", "load_results", "summary_rows"]
 
 FloatArray = NDArray[np.float64]
 Curve = tuple[FloatArray, FloatArray]
@@ -28,7 +30,6 @@ Curve = tuple[FloatArray, FloatArray]
 
 ALLOWED = "expected a results database that 'trailmark benchmark' wrote"
 NUMBERS = tuple(name for name, kind in MEASURED.items() if kind != "TEXT")
-BUSY = 5.0
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Runs:
         """Which of them the referee calls correct too: only these count as solved; shape (n,)."""
         return np.asarray(self.claimed & (self["correct_solution"] == 1.0))
 
-    @cached_property
+    @property
     def refused(self) -> int:
         """How many paths the planner called solutions and the referee did not."""
         return int((self.claimed & ~self.success).sum())
@@ -71,34 +72,31 @@ class Runs:
     @cached_property
     def first_times(self) -> FloatArray:
         """Seconds to the first solution, shape (n,); infinity for a failed run."""
-        first = self["time_to_first_solution"]
         # A planner that tells only of its end had its first solution no later.
-        return np.where(self.success, np.where(np.isnan(first), self["time"], first), np.inf)
+        return np.minimum(self._of_solved("time"), self._of_solved("time_to_first_solution"))
 
     @cached_property
     def costs(self) -> FloatArray:
         """Cost of the returned path (metres), shape (n,); infinity for a failed run."""
-        cost = self["solution_length"]
-        return np.where(self.success & ~np.isnan(cost), cost, np.inf)
+        return self._of_solved("solution_length")
 
     @cached_property
     def simplified_costs(self) -> FloatArray:
         """Cost of the path after the common simplifier, shape (n,); infinity where there is none."""
-        cost = self["simplified_solution_length"]
-        return np.where(self.success & ~np.isnan(cost), cost, np.inf)
+        return self._of_solved("simplified_solution_length")
 
-    @cached_property
+    @property
     def best_costs(self) -> FloatArray:
         """The lower of :attr:`costs` and :attr:`simplified_costs`, shape (n,)."""
         return np.minimum(self.costs, self.simplified_costs)
 
+    def _of_solved(self, name: str) -> FloatArray:
+        return np.where(self.success & ~np.isnan(self[name]), self[name], np.inf)
+
     def endings(self) -> dict[str, int]:
         """Return how many runs ended without success, by how they ended; most frequent first."""
-        counts: dict[str, int] = {}
-        for status, claimed, success in zip(self["status"], self.claimed, self.success, strict=True):
-            if not success:
-                words = "refused by the referee" if claimed else _ending(status)
-                counts[words] = counts.get(words, 0) + 1
+        counts = Counter(_ending(status) for status in self["status"][~self.claimed])
+        counts.update({"refused by the referee": self.refused} if self.refused else {})
         return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
 
@@ -192,10 +190,8 @@ def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, s
         if cost is not None:
             curves.setdefault(run, []).append((seconds, cost))
     by_planner: dict[str, list[tuple[Any, ...]]] = {}
-    there = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
-    numbers = (name if name in there else f"NULL AS {name}" for name in NUMBERS)
-    wanted_columns = ", ".join(("plannerid", "id", "failure", *numbers))
-    query = f"SELECT {wanted_columns} FROM runs WHERE experimentid = ? ORDER BY plannerid, seed, id"  # noqa: S608  # our own names
+    columns = ", ".join(("plannerid", "id", "failure", *NUMBERS))
+    query = f"SELECT {columns} FROM runs WHERE experimentid = ? ORDER BY plannerid, seed, id"  # noqa: S608  # our own names
     for run_row in db.execute(query, (key,)):
         by_planner.setdefault(names.get(run_row[0], f"planner {run_row[0]}"), []).append(run_row[1:])
     runs = {planner: _runs(found, curves) for planner, found in by_planner.items()}
@@ -226,9 +222,12 @@ def _ending(status: float) -> str:
 
 def _json_object(text: object) -> dict[str, Any]:
     try:
-        data = json.loads(str(text))
+        return _as_mapping(json.loads(str(text)))
     except ValueError:
         return {}
+
+
+def _as_mapping(data: Any) -> dict[str, Any]:
     return data if isinstance(data, dict) else {}
 
 
@@ -278,10 +277,80 @@ def _check_schema(db: sqlite3.Connection, file: Path) -> None:
         raise StoreError(f"{file}: an SQLite database of another program; {ALLOWED}")
     if version != VERSION:
         raise StoreError(f"{file}: expected schema version {VERSION}, got {version}")
-    missing = sorted({"experiments", "plannerConfigs", "runs", "progress"} - tables)
-    if missing:
-        raise StoreError(f"{file}: the table {missing[0]!r} is missing; {ALLOWED}")
+    for missing in sorted({"experiments", "plannerConfigs", "runs", "progress"} - tables):
+        raise StoreError(f"{file}: the table {missing!r} is missing; {ALLOWED}")
     columns = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
-    absent = sorted({"id", "experimentid", "plannerid", *MEASURED} - columns)
-    if absent:
-        raise StoreError(f"{file}: the table 'runs' has no column {absent[0]!r}; {ALLOWED}")
+    for absent in sorted({"id", "experimentid", "plannerid", *MEASURED} - columns):
+        raise StoreError(f"{file}: the table 'runs' has no column {absent!r}; {ALLOWED}")
+
+
+_WORDS = {"time_limit": "limit {} s", "memory_limit": "{} MB", "resolution": "resolution {} m", "problem": "problem {}"}
+
+
+def differences(experiments: Iterable[tuple[int, str, str | None]]) -> dict[int, str]:
+    """Return for each experiment what sets it apart from others of its name; empty where the name alone does.
+
+    Args:
+        experiments: id, name, and the column ``setup``, whose ``identity`` tells problem and limits.
+    """
+    rows = [(key, name, _as_mapping(_json_object(setup).get("identity"))) for key, name, setup in experiments]
+    alike: dict[str, list[Mapping[str, Any]]] = {}
+    for _, name, own in rows:
+        alike.setdefault(name, []).append(own)
+    found: dict[int, str] = {}
+    for key, name, own in rows:
+        fields = [f for f in _WORDS if len({json.dumps(identity.get(f)) for identity in alike[name]}) > 1]
+        words = ", ".join(_WORDS[f].format(_value(own.get(f))) for f in fields)
+        same = sum(all(identity.get(f) == own.get(f) for f in _WORDS) for identity in alike[name])
+        number = f"no. {key}" if same > 1 else ""
+        found[key] = ", ".join(filter(None, [words, number]))
+    return found
+
+
+def _value(value: object) -> str:
+    return value[:8] if isinstance(value, str) else f"{value:g}" if isinstance(value, int | float) else "unknown"
+
+
+def summary_rows(results: Results, planners: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return a header and a row for each planner, over all its runs.
+
+    ``correct`` counts what the referee accepts, ``refused`` what the planner called a solution and is none. Of the
+    correct runs: the median time to the first solution, and the medians of cost and of cost after the simplifier, each
+    as a multiple of the problem's best known. Experiments of one name that differ, in their time limit say, have
+    rows of their own.
+    """
+    groups: dict[str, list[Problem]] = {}
+    for problem in results.problems:
+        groups.setdefault(problem.difference, []).append(problem)
+    rows: list[tuple[str, ...]] = [("planner", "correct", "refused", "first solution", "cost", "simplified")]
+    for planner, (difference, problems) in itertools.product(planners, groups.items()):
+        found = [
+            (problem.runs[planner], problem.best_cost or math.nan) for problem in problems if planner in problem.runs
+        ]
+        if not found:
+            continue
+        correct, count = sum(int(runs.success.sum()) for runs, _ in found), sum(len(runs) for runs, _ in found)
+        name, refused = planner + (difference and f" ({difference})"), sum(runs.refused for runs, _ in found)
+        first = _median([runs.first_times for runs, _ in found], "{:.3f} s")
+        cost = _median([runs.costs / best for runs, best in found], "x {:.3f}")
+        simplified = _median([runs.simplified_costs / best for runs, best in found], "x {:.3f}")
+        rows.append((name, f"{correct}/{count}", str(refused), first, cost, simplified))
+    return rows
+
+
+def failure_lines(results: Results, planners: Sequence[str]) -> list[str]:
+    """Return a line for each planner whose runs gave reasons for failing: the most frequent reason, and how often."""
+    lines = []
+    for planner in planners:
+        found = [problem.runs[planner] for problem in results.problems if planner in problem.runs]
+        reasons = Counter(" ".join(reason.split()) for runs in found for reason in runs.failures if reason)
+        for reason, count in reasons.most_common(1):
+            lines.append(f"{planner}: {count} of {sum(len(runs) for runs in found)} runs: {reason}")
+    return lines
+
+
+def _median(values: Sequence[FloatArray], form: str) -> str:
+    """Return the median of the finite values as words."""
+    known = np.concatenate(values)
+    known = known[np.isfinite(known)]
+    return form.format(np.median(known)) if len(known) else "-"

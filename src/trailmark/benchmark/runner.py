@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import platform
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -13,14 +13,12 @@ from typing import Any
 
 from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.isolation.executors import Pool
-from trailmark.benchmark.isolation.worker import run_job
 from trailmark.benchmark.native import native_versions
-from trailmark.benchmark.planners import settings_of
+from trailmark.benchmark.planners import OWN, Resolution, resolution_of, settings_of
 from trailmark.benchmark.problems import Job, Problem
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.resolution import OWN, Resolution, resolution_of
-from trailmark.benchmark.store import Experiment, Store
+from trailmark.benchmark.store import Store
+from trailmark.benchmark.workers import Pool, run_job
 
 __all__ = ["Benchmark", "Tally"]
 
@@ -77,7 +75,6 @@ class Benchmark:
         seed: of the first run; the next ones count up.
         resolution: of the discrete baseline; None is each
             planner's own, at which refusals are rare.
-        first: those of the planners whose runs end at their first path, which nothing shortens then.
     """
 
     problems: Sequence[Problem]
@@ -87,7 +84,6 @@ class Benchmark:
     memory_limit: float
     seed: int = 0
     resolution: Resolution | None = None
-    first: Collection[str] = ()
     _spent: dict[str, list[float]] = field(default_factory=dict, repr=False)
     _last: tuple[str, str] = field(default=("", ""), repr=False)
 
@@ -108,7 +104,7 @@ class Benchmark:
                 while missing and len(pending) < 2 * pool.slots():
                     run = missing.popleft()
                     run.tries += 1
-                    pending[pool.executor.submit(run_job, self._job(run).to_dict())] = run
+                    pending[pool.executor.submit(run_job, self._job(run))] = run
                 done, _ = wait(pending, timeout=REPORT_PERIOD, return_when=FIRST_COMPLETED)
                 for future in done:
                     if not self._store_result(store, future, pending[future], tally):
@@ -128,11 +124,11 @@ class Benchmark:
 
     def _missing(self, store: Store) -> tuple[deque[_Run], Tally]:
         """Return the runs to be made, problem by problem, and in each seed by seed through all planners."""
-        planners = {name: store.planner(name, settings_of(name, first=name in self.first)) for name in self.planners}
+        planners = {name: store.planner(name, settings_of(name)) for name in self.planners}
         missing: deque[_Run] = deque()
         tally = Tally(total=len(self.problems) * len(planners) * self.runs)
         for problem in self.problems:
-            experiment = store.experiment(self._experiment(problem))
+            experiment = self._experiment(store, problem)
             finished = store.finished(experiment)
             for seed, name in itertools.product(range(self.seed, self.seed + self.runs), planners):
                 if (planners[name], seed) in finished:
@@ -142,30 +138,26 @@ class Benchmark:
         return missing, tally
 
     def _job(self, run: _Run) -> Job:
-        key = run.problem.key
-        if self._last[0] != key:  # runs on a problem follow one another
-            self._last = (key, run.problem.text)
-        return Job(
-            problem=key,
-            text=self._last[1],
-            planner=run.name,
-            seed=run.seed,
-            time_limit=self.time_limit,
-            memory_limit=self.memory_limit,
-            resolution=(self.resolution or resolution_of(run.name)).metres(run.problem.robot),
-            first=run.name in self.first,
-        )
+        problem = run.problem
+        if self._last[0] != problem.key:  # runs on a problem follow one another
+            self._last = problem.key, problem.text
+        return {
+            "text": self._last[1],
+            "planner": run.name,
+            "seed": run.seed,
+            "time_limit": self.time_limit,
+            "memory_limit": self.memory_limit,
+            "resolution": (self.resolution or resolution_of(run.name)).metres(problem.robot),
+        }
 
-    def _experiment(self, problem: Problem) -> Experiment:
-        robot = problem.robot
-        metres = None if self.resolution is None else self.resolution.metres(robot)
-        found, cpu, query = versions() | native_versions(), cpu_name(), problem.query
-        return Experiment(
-            name=problem.name,
+    def _experiment(self, store: Store, problem: Problem) -> int:
+        robot, query = problem.robot, problem.query
+        found, cpu = versions() | native_versions(), cpu_name()
+        return store.experiment(
             identity={
                 "problem": problem.key,
                 "objective": problem.objective,
-                "resolution": OWN if metres is None else metres,
+                "resolution": OWN if self.resolution is None else self.resolution.metres(robot),
                 "time_limit": self.time_limit,
                 "memory_limit": self.memory_limit,
             },
@@ -181,14 +173,15 @@ class Benchmark:
                 "source": source_digest(),
                 "isolation": "a process of its own for each run, forked from a warm one; its start is no one's time",
             },
-            time_limit=self.time_limit,
-            memory_limit=self.memory_limit,
+            name=problem.name,
+            timelimit=self.time_limit,
+            memorylimit=self.memory_limit,
+            runcount=self.runs,
             version=f"trailmark {found['trailmark']}, OMPL {found['ompl']}",
             hostname=platform.node(),
-            cpu=cpu,
+            cpuinfo=cpu,
             date=datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
             seed=self.seed,
-            runs=self.runs,
         )
 
     def _store_result(self, store: Store, future: Future[dict[str, Any]], run: _Run, tally: Tally) -> bool:
@@ -214,8 +207,5 @@ class Benchmark:
 
     def _time_left(self, waiting: Counter[str], slots: int) -> float:
         """Return the seconds that the waiting runs will take, from what the planners' runs took so far."""
-        seconds = 0.0
-        for planner, count in waiting.items():
-            spent = self._spent.get(planner)
-            seconds += count * (sum(spent) / len(spent) if spent else self.time_limit)
-        return seconds / max(1, slots)
+        means = {name: sum(spent) / len(spent) for name, spent in self._spent.items()}
+        return sum(n * means.get(name, self.time_limit) for name, n in waiting.items()) / max(1, slots)

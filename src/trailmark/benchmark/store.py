@@ -1,7 +1,9 @@
 """Store: the results database, an SQLite file in Planner Arena's schema, to which each run is written as it ends.
 
-The file is whole at every moment: each run is one transaction that is on the disk before the next one begins. Of two
-programs that want to write, the second gets an error; reading is always possible.
+Planner Arena and OMPL's ``ompl_benchmark_statistics`` ask for the tables ``experiments``, ``plannerConfigs``,
+``enums``, ``runs`` and ``progress``, and take any further columns of the last two as what was measured. The file is
+whole at every moment: each run is one transaction that is on the disk before the next one begins. Of two programs that
+want to write, the second gets an error; reading is always possible.
 """
 
 from __future__ import annotations
@@ -12,60 +14,53 @@ import os
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.schema import APPLICATION, DDL, ENUMS, MEASURED, VERSION
+from trailmark.benchmark.record import MEASURED, RunRecord, Status
 from trailmark.errors import OutputError
 from trailmark.formats.files import check_writable
 
-__all__ = ["Experiment", "Store"]
+__all__ = ["APPLICATION", "DDL", "ENUMS", "VERSION", "Store"]
 
 BUSY = 5.0
 """Seconds to wait for another program that has the database locked for a moment."""
 
 
-@dataclass(frozen=True)
-class Experiment:
-    """One problem with one setting of limits: a row of ``experiments``.
+VERSION = 1
+"""Of the schema, in the database's ``user_version``."""
 
-    Attributes:
-        name: world, query and robot, for people.
-        identity: what identifies the experiment: problem, objective, resolution, limits. Runs of the same identity
-            belong together.
-        conditions: what may not change from run to run: versions of the libraries, the processor.
-        facts: further information, such as the world's text.
-        time_limit: seconds a run.
-        memory_limit: MB a run.
-        version: of trailmark and OMPL.
-        hostname: of the machine that keeps the database.
-        cpu: its processor.
-        date: ISO 8601.
-        seed: of the first run.
-        runs: asked for, of each planner.
-    """
+APPLICATION = 0x74726D6B
+"""``trmk``: tells trailmark's results from other SQLite files, in the database's ``application_id``."""
 
-    name: str
-    identity: Mapping[str, Any]
-    conditions: Mapping[str, Any]
-    facts: Mapping[str, Any]
-    time_limit: float
-    memory_limit: float
-    version: str
-    hostname: str
-    cpu: str
-    date: str
-    seed: int
-    runs: int
+ENUMS = [("status", int(status), status.description) for status in Status]
 
-    def setup(self) -> str:
-        """Return the text of the column ``setup``: a JSON object with the three parts."""
-        parts = {"identity": dict(self.identity), "conditions": dict(self.conditions), "facts": dict(self.facts)}
-        return json.dumps(parts, sort_keys=True)
+DDL = (
+    """CREATE TABLE experiments (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    name VARCHAR(512), totaltime REAL, timelimit REAL, memorylimit REAL, runcount INTEGER, version VARCHAR(128),
+    hostname VARCHAR(1024), cpuinfo TEXT, date DATETIME, seed VARCHAR(24), setup TEXT)""",
+    """CREATE TABLE plannerConfigs (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    name VARCHAR(512) NOT NULL, settings TEXT)""",
+    """CREATE TABLE enums (
+    name VARCHAR(512), value INTEGER, description TEXT,
+    PRIMARY KEY (name, value))""",
+    f"""CREATE TABLE runs (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    experimentid INTEGER, plannerid INTEGER,
+    {", ".join(f"{name} {kind}" for name, kind in MEASURED.items())},
+    FOREIGN KEY (experimentid) REFERENCES experiments(id) ON DELETE CASCADE,
+    FOREIGN KEY (plannerid) REFERENCES plannerConfigs(id) ON DELETE CASCADE)""",
+    """CREATE TABLE progress (
+    runid INTEGER, time REAL, best_cost REAL,
+    PRIMARY KEY (runid, time),
+    FOREIGN KEY (runid) REFERENCES runs(id) ON DELETE CASCADE)""",
+    "CREATE UNIQUE INDEX one_run_a_seed ON runs (experimentid, plannerid, seed)",
+    "CREATE UNIQUE INDEX one_name_a_planner ON plannerConfigs (name, settings)",
+)
 
 
 class Store:
@@ -106,38 +101,55 @@ class Store:
         os.close(self._lock) if self._lock >= 0 else None
         self._lock = -1
 
-    def experiment(self, wanted: Experiment) -> int:
-        """Return the id of an experiment: of the one that is there already, else of a new row.
+    def experiment(
+        self,
+        identity: Mapping[str, Any],
+        conditions: Mapping[str, Any],
+        facts: Mapping[str, Any],
+        **columns: str | float,
+    ) -> int:
+        """Return the id of an experiment, a problem with its limits: of the one that is there, else of a new row.
+
+        Args:
+            identity: problem, objective, resolution, limits: runs of the same identity belong together.
+            conditions: what may not change from run to run: versions of the libraries, the processor.
+            facts: further information, such as the world's text.
+            **columns: the table's others: ``name``, ``timelimit`` (s), ``memorylimit`` (MB), ``runcount`` (of each
+                planner), ``version``, ``hostname``, ``cpuinfo``, ``date`` (ISO 8601), ``seed`` (of the first run).
 
         Raises:
             StoreError: the one that is there was run under other conditions.
         """
+        parts = {"identity": dict(identity), "conditions": dict(conditions), "facts": dict(facts)}
+        text = json.dumps(parts, sort_keys=True)
+        wanted = json.dumps(parts["identity"], sort_keys=True)
         with self._errors_in_one_line(), self._transaction():
             # Of hundreds of experiments, each with a world's text, only the one that can be it is decoded.
-            alike = self._db.execute(
-                "SELECT id, setup, runcount FROM experiments WHERE instr(setup, ?)",
-                (json.dumps(dict(wanted.identity), sort_keys=True),),
-            )
+            alike = self._db.execute("SELECT id, setup, runcount FROM experiments WHERE instr(setup, ?)", (wanted,))
             for row, setup, runs in alike.fetchall():
                 there = json.loads(setup)
-                if there["identity"] == json.loads(json.dumps(dict(wanted.identity))):
-                    self._require_same(there["conditions"], wanted.conditions)
-                    self._db.execute("UPDATE experiments SET runcount = ? WHERE id = ?", (max(runs, wanted.runs), row))
+                if there["identity"] == json.loads(wanted):
+                    self._require_same(there["conditions"], conditions)
+                    most = max(runs, columns["runcount"])
+                    self._db.execute("UPDATE experiments SET runcount = ? WHERE id = ?", (most, row))
                     return int(row)
-            columns = {
-                **{"name": wanted.name, "totaltime": 0.0, "timelimit": wanted.time_limit},
-                **{"memorylimit": wanted.memory_limit, "runcount": wanted.runs, "version": wanted.version},
-                **{"hostname": wanted.hostname, "cpuinfo": wanted.cpu, "date": wanted.date},
-                **{"seed": str(wanted.seed), "setup": wanted.setup()},
-            }
-            marks = ", ".join(f":{name}" for name in columns)
-            done = self._db.execute(f"INSERT INTO experiments ({', '.join(columns)}) VALUES ({marks})", columns)  # noqa: S608  # names of our own columns
+            made = {**columns, "seed": str(columns["seed"]), "totaltime": 0.0, "setup": text}
+            marks = ", ".join(f":{name}" for name in made)
+            done = self._db.execute(f"INSERT INTO experiments ({', '.join(made)}) VALUES ({marks})", made)  # noqa: S608  # names of our own columns
             return int(done.lastrowid or 0)
+
+    def _require_same(self, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+        for name in sorted({*before, *now}):
+            if before.get(name) != now.get(name):
+                raise StoreError(
+                    f"{self.path}: its runs were made with {name} {before.get(name)}, now it is "
+                    f"{now.get(name)}; expected the same, or another --output"
+                )
 
     def planner(self, name: str, settings: str) -> int:
         """Return the id of a planner with these settings, of a new row if need be."""
         with self._errors_in_one_line(), self._transaction():
-            keys = (name, settings)
+            keys = name, settings
             self._db.execute("INSERT OR IGNORE INTO plannerConfigs (name, settings) VALUES (?, ?)", keys)
             found = self._db.execute("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", keys).fetchone()
             return int(found[0])
@@ -150,8 +162,8 @@ class Store:
 
     def add(self, experiment: int, planner: int, record: RunRecord) -> bool:
         """Write a run, on the disk when this returns; return False if one of that seed is there already."""
-        values = record.to_json()
-        row = [_cell(values[name]) for name in MEASURED]
+        values = [getattr(record, name) for name in MEASURED]
+        row = [json.dumps(value, separators=(",", ":")) if isinstance(value, list) else value for value in values]
         names = ", ".join(["experimentid", "plannerid", *MEASURED])
         marks = ", ".join("?" * (len(MEASURED) + 2))
         spent = sum(t or 0.0 for t in (record.time, record.simplification_time, record.overhead))
@@ -192,15 +204,6 @@ class Store:
         elif version != VERSION:
             raise StoreError(f"{self.path}: expected schema version {VERSION} or a new file, got version {version}")
 
-    def _require_same(self, there: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-        other = [name for name in sorted({*there, *now}) if there.get(name) != now.get(name)]
-        if other:
-            name = other[0]
-            raise StoreError(
-                f"{self.path}: its runs were made with {name} {there.get(name)}, now it is "
-                f"{now.get(name)}; expected the same, or another --output"
-            )
-
     @contextmanager
     def _transaction(self) -> Iterator[None]:
         self._db.execute("BEGIN IMMEDIATE")
@@ -224,10 +227,6 @@ class Store:
             raise StoreError(
                 f"{self.path}: {problem}; expected a database of trailmark benchmark, or a new file"
             ) from None
-
-
-def _cell(value: Any) -> Any:
-    return json.dumps(value, separators=(",", ":")) if isinstance(value, list) else value
 
 
 def _locked(path: Path) -> int:

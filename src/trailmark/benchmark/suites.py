@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
-from trailmark.benchmark.errors import SuiteError
-from trailmark.errors import TrailmarkError, expected_name
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from trailmark.errors import FormatError
 from trailmark.formats.files import read_text
+from trailmark.formats.schema import Count, Positive, Text, validate
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.world import Query
+from trailmark.world.world_file import query_from_data
 
 __all__ = ["Entry", "Suite", "read_suite"]
 
 DATA = "data:"
 """Begins the name of a world that lies in the folder of real data."""
 
-FIELDS = ("planners", "runs", "time_limit", "memory_limit", "data", "worlds")
-ENTRY_FIELDS = ("world", "robot", "queries")
 
-
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """A world of a suite.
 
     Attributes:
@@ -47,100 +45,66 @@ class Entry:
         return self.optional and not Path(self.world).exists()
 
 
-@dataclass(frozen=True)
-class Suite:
-    """What to benchmark; the limits are None where the suite says nothing.
-
-    Attributes:
-        entries: worlds with their queries.
-        planners: names as for ``-p``.
-        runs: of each planner on each problem.
-        time_limit: seconds a run.
-        memory_limit: MB a run.
-    """
+class Suite(NamedTuple):
+    """What to benchmark: worlds, planners as for ``-p``; seconds and MB a run; None where the suite says nothing."""
 
     entries: tuple[Entry, ...]
     planners: tuple[str, ...]
-    runs: int | float | None = None
-    time_limit: int | float | None = None
-    memory_limit: int | float | None = None
+    runs: int | None = None
+    time_limit: float | None = None
+    memory_limit: int | None = None
+
+
+def _or_name(key: str) -> BeforeValidator:
+    """Return what takes a text for a mapping with this key alone."""
+    return BeforeValidator(lambda value: {key: value} if isinstance(value, str) else value)
+
+
+class _World(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    world: Text
+    robot: Text | None = None
+    queries: list[Annotated[dict[str, Any], _or_name("name")]] = []
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    planners: list[Text] = []
+    runs: Count | None = None
+    time_limit: Positive | None = None
+    memory_limit: Count | None = None
+    data: Text = "."
+    worlds: Annotated[list[Annotated[_World, _or_name("world")]], Field(min_length=1)]
 
 
 def read_suite(path: Path) -> Suite:
     """Return the suite that a file describes.
 
-    ``worlds`` is a list of names or of mappings with ``world``, ``robot`` and ``queries``; the queries are names or
-    mappings with ``name``, ``start`` and ``goal``. A world ``data:FILE`` lies in the folder TRAILMARK_DATA, else in
-    the one that ``data`` names (relative to the suite), and is left out where it is not there.
+    ``worlds`` is a list of names or of mappings with ``world``, ``robot`` and ``queries``; the queries are names, or
+    what a world file has. A world ``data:FILE`` lies in the folder TRAILMARK_DATA, else in the one that ``data`` names
+    (relative to the suite), and is left out where it is not there.
 
     Raises:
-        FormatError: the file cannot be read, or is no YAML.
-        SuiteError: it does not describe a suite.
+        FormatError: the file cannot be read, is no YAML, or does not describe a suite.
     """
     content = parse_yaml(read_text(path), path)
-    data: dict[str, Any] = _mapping(content, FIELDS, str(path))
-    if not isinstance(data.get("worlds"), list) or not data["worlds"]:
-        raise SuiteError(f"{path}: worlds: expected a list of worlds, got {data.get('worlds')!r}")
-    folder = Path(os.environ.get("TRAILMARK_DATA", path.parent / str(data.get("data", "."))))
-    for name in ("runs", "time_limit", "memory_limit"):
-        value = data.get(name)
-        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-            raise SuiteError(f"{path}: {name}: expected a number, got {value!r}")
-    return Suite(
-        entries=tuple(
-            _entry(item, f"{path}: worlds[{i}]", path.parent, folder) for i, item in enumerate(data["worlds"])
-        ),
-        planners=_texts(data.get("planners", []), f"{path}: planners"),
-        runs=data.get("runs"),
-        time_limit=data.get("time_limit"),
-        memory_limit=data.get("memory_limit"),
-    )
+    if not isinstance(content, dict):
+        raise FormatError(path, f"expected a mapping with {', '.join(_File.model_fields)}, got {content!r}")
+    file = validate(_File, content, path)
+    folder = Path(os.environ.get("TRAILMARK_DATA", path.parent / file.data))
+    entries = tuple(_entry(item, f"{path}: worlds[{i}]", path.parent, folder) for i, item in enumerate(file.worlds))
+    return Suite(entries, tuple(file.planners), file.runs, file.time_limit, file.memory_limit)
 
 
-def _entry(item: Any, where: str, here: Path, folder: Path) -> Entry:
-    given: dict[str, Any] = {"world": item} if isinstance(item, str) else _mapping(item, ENTRY_FIELDS, where)
-    world, robot, wanted = given.get("world"), given.get("robot"), given.get("queries", [])
-    if not isinstance(world, str):
-        raise SuiteError(f"{where}: world: expected a file or a shipped world's name, got {world!r}")
-    if robot is not None and not isinstance(robot, str):
-        raise SuiteError(f"{where}: robot: expected text such as disc:0.2, got {robot!r}")
-    if not isinstance(wanted, list):
-        raise SuiteError(f"{where}: queries: expected a list of names or of name, start, goal, got {wanted!r}")
-    optional = world.startswith(DATA)
+def _entry(item: _World, where: str, here: Path, folder: Path) -> Entry:
+    world, optional = item.world, item.world.startswith(DATA)
     if optional:
         world = str(folder / world.removeprefix(DATA))
     else:
         with suppress(OSError):  # no file can have that name: it is too long
             world = str(here / world) if (here / world).is_file() else world
-    return Entry(
-        world=world,
-        optional=optional,
-        robot=robot,
-        names=_texts([q for q in wanted if not isinstance(q, dict)], f"{where}: queries"),
-        queries=tuple(_query(q, f"{where}: queries") for q in wanted if isinstance(q, dict)),
-    )
-
-
-def _query(item: dict[str, Any], where: str) -> Query:
-    given = _mapping(item, ("name", "start", "goal"), where)
-    try:
-        return Query(str(given["name"]), given["start"], given["goal"])
-    except KeyError as error:
-        raise SuiteError(f"{where}: {error.args[0]} is missing; expected name, start, goal") from None
-    except TrailmarkError as error:
-        raise SuiteError(f"{where}: {error}") from None
-
-
-def _mapping(item: Any, allowed: tuple[str, ...], where: str) -> dict[str, Any]:
-    if not isinstance(item, dict):
-        raise SuiteError(f"{where}: expected a mapping with {', '.join(allowed)}, got {item!r}")
-    for name in item:
-        if name not in allowed:
-            raise SuiteError(f"{where}: {expected_name(str(name), allowed)}")
-    return item
-
-
-def _texts(items: Any, where: str) -> tuple[str, ...]:
-    if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
-        raise SuiteError(f"{where}: expected a list of names, got {items!r}")
-    return tuple(items)
+    names = tuple(str(query["name"]) for query in item.queries if [*query] == ["name"])
+    queries = tuple(query_from_data(query, f"{where}: queries") for query in item.queries if [*query] != ["name"])
+    return Entry(world, optional, item.robot, names, queries)

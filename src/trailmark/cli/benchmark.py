@@ -13,9 +13,9 @@ from trailmark.cli import console, options
 from trailmark.cli.options import UsageError, argument, flag, option
 
 if TYPE_CHECKING:
+    from trailmark.benchmark.planners import Resolution
     from trailmark.benchmark.problems import Problem
     from trailmark.benchmark.public.base import PublicSuite
-    from trailmark.benchmark.resolution import Resolution
     from trailmark.benchmark.runner import Benchmark, Tally
     from trailmark.benchmark.suites import Suite
     from trailmark.world import Robot, World
@@ -34,7 +34,7 @@ class ResolutionKind(options.Kind):
     """The spacing of the states that OMPL's discrete validation checks."""
 
     def _read(self, text: str) -> Resolution:
-        from trailmark.benchmark.resolution import Resolution
+        from trailmark.benchmark.planners import Resolution
 
         return Resolution.parse(text)
 
@@ -107,10 +107,10 @@ def benchmark(
     Each run has a process of its own; its time is planning time alone, without set-up. The same command again makes
     the runs that are missing. Read the results with 'trailmark report' or Planner Arena.
     """
-    from trailmark.benchmark.isolation.executors import cluster, local
     from trailmark.benchmark.planners import read_planners
     from trailmark.benchmark.runner import Benchmark
     from trailmark.benchmark.store import Store
+    from trailmark.benchmark.workers import cluster, local
 
     if list_suites:
         _print_suites()
@@ -172,8 +172,7 @@ def _run(plan: Benchmark, store: Any, pool: Any, file: Path) -> Tally:
 
 
 def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) -> None:
-    from trailmark.benchmark.results import load_results
-    from trailmark.benchmark.summary import failure_lines, summary_rows
+    from trailmark.benchmark.results import failure_lines, load_results, summary_rows
 
     if as_json:
         record = {"database": str(file), "runs": tally.total, "made": tally.made, "without_solution": tally.failed}
@@ -208,12 +207,12 @@ class Wanted(NamedTuple):
 
 def _read_source(suite: str | None, data: str | None) -> tuple[Suite | None, Public | None]:
     """Return the suite that ``--suite`` and ``--data`` give: that of a file, or a public one; neither without them."""
-    from trailmark.benchmark.public.catalogue import PUBLIC, folder_of
+    from trailmark.benchmark.public import PUBLIC
     from trailmark.benchmark.suites import read_suite
     from trailmark.errors import expected_name
 
     if suite in PUBLIC:
-        return None, (PUBLIC[suite], folder_of(PUBLIC[suite], data))
+        return None, (PUBLIC[suite], PUBLIC[suite].folder(data))
     if data is not None:
         raise UsageError(f"--data {data!r} given with --suite {suite!r}; expected --suite {', '.join(PUBLIC)}")
     if suite is None:
@@ -225,7 +224,7 @@ def _read_source(suite: str | None, data: str | None) -> tuple[Suite | None, Pub
 
 def _print_suites() -> None:
     """Print each public suite with its contents, robot, expected folder and source."""
-    from trailmark.benchmark.public.catalogue import PUBLIC
+    from trailmark.benchmark.public import PUBLIC
 
     for suite in PUBLIC.values():
         console.say(suite.name)

@@ -22,8 +22,7 @@ def report(
     Prints a table; --html writes a page. The benchmark may still be running.
     """
     options.protect_inputs([results], html)
-    from trailmark.benchmark.results import load_results
-    from trailmark.benchmark.summary import failure_lines, summary_rows
+    from trailmark.benchmark.results import failure_lines, load_results, summary_rows
 
     with console.progress("reading the results") as progress:
         found = load_results(results)

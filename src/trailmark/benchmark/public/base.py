@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 from trailmark.benchmark.errors import SuiteError
 from trailmark.world import Robot, World
@@ -31,7 +30,8 @@ class Found:
     left_out: Sequence[str] = ()
 
 
-class PublicSuite(ABC):
+@dataclass(frozen=True)
+class PublicSuite:
     """A public set of problems.
 
     Attributes:
@@ -40,28 +40,38 @@ class PublicSuite(ABC):
         published: where, in a line; empty for what is made by trailmark itself.
         robot: who plans by default, in words.
         expected: what its folder holds, for messages.
+        find: returns the problems of a folder and of all folders below it.
+        world: returns the world of a file that ``find`` named with its robot, and some of its problems as queries; it
+            takes the folder, the file, the problems' numbers, and a robot instead of the set's own.
     """
 
-    name: ClassVar[str]
-    contents: ClassVar[str]
-    published: ClassVar[str]
-    robot: ClassVar[str]
-    expected: ClassVar[str]
+    name: str
+    contents: str
+    published: str
+    robot: str
+    expected: str
+    find: Callable[[Path], Found]
+    world: Callable[[Path, Path, Sequence[int], Robot | None], World]
 
-    @abstractmethod
-    def find(self, folder: Path) -> Found:
-        """Return the problems of a folder and of all folders below it."""
+    def folder(self, given: str | None) -> Path:
+        """Return the folder in which the data lies.
 
-    @abstractmethod
-    def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
-        """Return the world of a file with its robot, and these of its problems as queries.
-
-        Args:
-            folder: as given to :meth:`find`.
-            file: one that :meth:`find` named.
-            numbers: of its problems.
-            robot: instead of the set's own.
+        Raises:
+            SuiteError: none is given for a suite that needs one, one is given for a suite that is made, or it is none.
         """
+        if not self.published:
+            if given is not None:
+                raise SuiteError(f"suite {self.name}: expected no --data, for its worlds are made, got {given!r}")
+            return Path()
+        if given is None:
+            raise SuiteError(f"suite {self.name}: --data is missing; expected a folder with {self.expected}")
+        try:
+            there = Path(given).is_dir()
+        except OSError:  # no folder can have that name
+            there = False
+        if not there:
+            raise SuiteError(f"--data: expected a folder with {self.expected}, got {given!r}")
+        return Path(given)
 
     def worlds(self, folder: Path, found: Found, count: int | None, robot: Robot | None) -> Iterator[World]:
         """Yield worlds with ``count`` of the problems, spread evenly over all; with every one if it is None.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,36 +18,7 @@ from trailmark.formats.nav2_map import read_grid
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.world import Query, Robot, World
 
-__all__ = ["SEED", "ExploreBench", "Nav2", "Places", "is_map"]
-
-PAIRS = 100
-"""A map, as the tool draws them."""
-
-RADIUS = 0.22
-"""Metres: ``robot_radius`` of nav2's default parameters."""
-
-
-class Nav2(PublicSuite):
-    """A hundred random pairs on every map."""
-
-    name = "nav2"
-    contents = "the planner benchmark's 100by100_10, _15, _20, or any nav2 maps: 100 random pairs each, seed 33"
-    published = "github.com/ros-navigation/navigation2, tools/planner_benchmarking (metrics.py)"
-    robot = f"disc of {RADIUS:g} m, nav2's default robot_radius"
-    expected = "nav2 maps (.yaml files that name an image)"
-
-    def find(self, folder: Path) -> Found:
-        """Return a hundred problems for each map that is no mask."""
-        maps = [file for file in files_below(folder, ".yaml", ".yml") if is_map(file)]
-        return Found([(file, i) for file in maps for i in range(PAIRS)])
-
-    def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
-        """Return the map with pairs of ends for the robot."""
-        robot = robot or Robot.disc(RADIUS)
-        made = World.load(file)  # refuses maps that are none
-        pairs = Places(file, robot).pairs(max(numbers) + 1)
-        return replace(made, robot=robot, queries=tuple(Query(f"pair-{i}", *pairs[i]) for i in numbers))
-
+__all__ = ["EXPLORE_BENCH", "NAV2", "SEED", "Places", "is_map"]
 
 SEED = 33
 """Of Python's ``random``, as the tool has it."""
@@ -166,33 +137,51 @@ def is_map(file: Path) -> bool:
     return isinstance(data, dict) and "image" in data and "resolution" in data
 
 
-GOALS = 10
-"""A map."""
+RADIUS = 0.22
+"""Metres: ``robot_radius`` of nav2's default parameters."""
 
 START = (8.0, 8.0, 1.57)
-"""Of the single robot in its launch files; metres, radians."""
+"""Of the single robot in Explore-Bench's launch files; metres, radians."""
 
 BURGER = ((-0.105, -0.105), (0.041, -0.105), (0.041, 0.105), (-0.105, 0.105))
 """Footprint of the TurtleBot3 Burger in ``turtlebot3_navigation``, metres."""
 
 
-class ExploreBench(PublicSuite):
-    """Ten random goals on every map; the set itself is for exploration and has none."""
+def _maps(count: int) -> Callable[[Path], Found]:
+    """Return what finds ``count`` problems for each map that is no mask."""
+    return lambda folder: Found(
+        [(file, i) for file in files_below(folder, ".yaml", ".yml") if is_map(file) for i in range(count)]
+    )
 
-    name = "explore-bench"
-    contents = "loop, corridor, corner, room and their combinations: from the published start to 10 random goals each"
-    published = "github.com/efc-robot/Explore-Bench, exploration_benchmark/blueprints; Y. Xu et al., ICRA 2022"
-    robot = "TurtleBot3 Burger, 0.146 x 0.21 m"
-    expected = "Explore-Bench's maps (.yaml files that name an image)"
 
-    def find(self, folder: Path) -> Found:
-        """Return ten problems for each map."""
-        maps = [file for file in files_below(folder, ".yaml", ".yml") if is_map(file)]
-        return Found([(file, i) for file in maps for i in range(GOALS)])
+def _posed(name: str, robot: Robot, start: Pose | None = None) -> Callable[..., World]:
+    """Return what reads a map with pairs of ends for a robot."""
 
-    def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
-        """Return the map with the start and goals for the robot."""
-        robot = robot or Robot.polygon(BURGER)
+    def world(_: Path, file: Path, numbers: Sequence[int], given: Robot | None) -> World:
         made = World.load(file)  # refuses maps that are none
-        pairs = Places(file, robot).pairs(max(numbers) + 1, START)
-        return replace(made, robot=robot, queries=tuple(Query(f"goal-{i}", *pairs[i]) for i in numbers))
+        pairs = Places(file, given or robot).pairs(max(numbers) + 1, start)
+        return replace(made, robot=given or robot, queries=tuple(Query(f"{name}-{i}", *pairs[i]) for i in numbers))
+
+    return world
+
+
+NAV2 = PublicSuite(
+    name="nav2",
+    contents="the planner benchmark's 100by100_10, _15, _20, or any nav2 maps: 100 random pairs each, seed 33",
+    published="github.com/ros-navigation/navigation2, tools/planner_benchmarking (metrics.py)",
+    robot=f"disc of {RADIUS:g} m, nav2's default robot_radius",
+    expected="nav2 maps (.yaml files that name an image)",
+    find=_maps(100),
+    world=_posed("pair", Robot.disc(RADIUS)),
+)
+
+EXPLORE_BENCH = PublicSuite(
+    name="explore-bench",
+    contents="loop, corridor, corner, room and their combinations: from the published start to 10 random goals each",
+    published="github.com/efc-robot/Explore-Bench, exploration_benchmark/blueprints; Y. Xu et al., ICRA 2022",
+    robot="TurtleBot3 Burger, 0.146 x 0.21 m",
+    expected="Explore-Bench's maps (.yaml files that name an image)",
+    find=_maps(10),
+    world=_posed("goal", Robot.polygon(BURGER), START),
+)
+"""The set itself is for exploration and has no goals."""

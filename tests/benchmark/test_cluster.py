@@ -19,12 +19,12 @@ import pytest
 from tests.benchmark.conftest import small_world
 
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.isolation.executors import cluster
+from trailmark.benchmark.workers import cluster
 from trailmark.cli import main
 
 pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 RUNS = 12
 
 
