@@ -149,8 +149,8 @@ def test_bad_options_are_told_in_a_line(capsys: pytest.CaptureFixture[str]) -> N
         bad = {
             "taken": (["office", "--port", port], "expected an address that is free"),
             "open to all": (["office", "--host", "0.0.0.0"], "--host: expected a loopback address, or --token"),  # noqa: S104
-            "no port": (["office", "--port", "http"], "got --port 'http'"),
-            "short token": (["office", "--token", "abc"], "got --token 'abc'"),
+            "no port": (["office", "--port", "http"], "--port: expected an integer from 0 to 65535, got 'http'"),
+            "short token": (["office", "--token", "abc"], "--token: expected 8 to 200"),
             "no world": (["nowhere"], "nowhere"),
             "no host": (["office", "--host", "no.such.host.invalid", "--token", "12345678"], "expected an address"),
         }

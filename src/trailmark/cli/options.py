@@ -143,7 +143,8 @@ class PoseKind(Kind):
             raise ValueError
         if "deg" not in heading:
             warn_of_degrees(pose.theta, repr(text))
-        return pose._replace(theta=math.remainder(pose.theta, 2.0 * math.pi))  # else it is warned of again
+        turns = abs(pose.theta) > 2.0 * math.pi  # else it is warned of again where it is used
+        return pose._replace(theta=math.remainder(pose.theta, 2.0 * math.pi)) if turns else pose
 
 
 class Position(NamedTuple):
