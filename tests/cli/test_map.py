@@ -84,7 +84,7 @@ def test_the_figures(shell: Shell, log: Path, tmp_path: Path) -> None:
     assert "ms per update" in facts["time"]
     assert facts["obstacles"] == "8 discs"
     assert facts["risk"] == "a valid path meets an obstacle with probability 0.01 at most"
-    assert "radius of 0.1 m" in facts["note"]
+    assert "radius of 0.1 m" in run.out
     assert facts["written"].endswith("world.yaml")
     plain = shell(
         "map", log, "--output", tmp_path / "plain.yaml", *given(tmp_path, "{radius: 0.2, radius_sigma: 0.05}")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from trailmark import check_path
 from trailmark.world import Robot, World, library
 
 Shell = Callable[..., Any]
@@ -84,6 +85,12 @@ def test_masks_become_zones_of_the_world(shell: Shell, yard: Path, mask: Path, t
     path.write_text("x,y,theta\n1,1,0\n9,1,0\n")
     found = json.loads(shell("check", site, path, "--json").out)
     assert "keep-out zone 0" in [collision["obstacle"] for collision in found["collisions"]]
+    # The same path is planned around the mask that plan is given itself.
+    planned = shell(
+        "plan", yard, "--robot", "disc:0.2", "--keepout", mask, "--start", "1,1,0", "--goal", "9,1,0", "--json"
+    )
+    around = World.load(yard).with_mask(mask)
+    assert check_path(around, Robot.disc(0.2), json.loads(planned.out)["states"]).free
 
 
 def test_a_keep_out_mask_beside_the_map_is_warned_of(shell: Shell, yard: Path, mask: Path, tmp_path: Path) -> None:

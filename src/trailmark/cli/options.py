@@ -248,7 +248,7 @@ DRIVE = Choice("omnidirectional", "differential", "car")
 FRAME = FrameName("NAME", "a name without blanks, such as map")
 PICTURE = OutputFile(".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
 PATH_FILE = OutputFile(".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2.json", ".geojson")
-SETTINGS = InputFile("FILE.yaml")
+SETTINGS, MASK = InputFile("FILE.yaml"), InputFile("MASK.yaml")
 
 
 def option(kind: Kind, help: str, *names: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name
@@ -307,13 +307,20 @@ class RobotOptions(NamedTuple):
     forward_only: bool = False
     drive: str | None = None
 
-    def load(self, text: str, outputs: Iterable[Path | None] = (), inputs: Iterable[Path] = ()) -> tuple[World, Robot]:
-        """Return a world by file or name, and the robot in it: the one that was given, else the world's own.
+    def load(
+        self,
+        text: str,
+        outputs: Iterable[Path | None] = (),
+        inputs: Iterable[Path] = (),
+        keepout: Path | None = None,
+    ) -> tuple[World, Robot]:
+        """Return a world by file or name, with the zones of a keep-out mask, and the robot: its own if none was given.
 
         Raises:
             TrailmarkError: an output would replace the world, the robot or another of the inputs.
         """
         world = load_world(text)
+        world = world if keepout is None else world.with_mask(keepout, "keep-out")
         protect_inputs((*world.sources, *(self.spec.files if self.spec else ()), *inputs), *outputs)
         robot = self.steered(robot_of(world, self.spec))
         return grown_for(world, robot), robot

@@ -55,6 +55,10 @@ def plan(
     goal_tolerance: Annotated[
         Tolerance | None, option(options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query")
     ] = None,
+    keepout: Annotated[
+        Path | None,
+        option(options.MASK, "nav2 keep-out mask of the map; occupied cells become keep-out zones.", group="Query"),
+    ] = None,
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
@@ -133,7 +137,7 @@ def plan(
     with console.progress("loading") as progress:
         begun = time.perf_counter()
         given = options.RobotOptions(robot, turning_radius, forward_only, drive)
-        loaded, body = given.load(world, (output, plot, trajectory, animate), [settings] if settings else [])
+        loaded, body = given.load(world, (output, plot, trajectory, animate), [settings] if settings else [], keepout)
         ends = _ends(loaded, query, start, goal or [], goal_tolerance)
         loading = time.perf_counter() - begun
 

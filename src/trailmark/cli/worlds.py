@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["app"]
 
 app = typer.Typer(invoke_without_command=True)
-MASK = options.InputFile("MASK.yaml")
 
 
 @app.callback()
@@ -77,9 +76,11 @@ def convert(
     world: Annotated[str, argument("IN", "World file in any format that plan reads.")],
     output: Annotated[Path, argument("OUT", "trailmark YAML file to write.", options.OutputFile(".yaml", ".yml"))],
     robot: options.RobotOption = None,
-    keepout: Annotated[Path | None, option(MASK, "nav2 keep-out mask; occupied cells become keep-out zones.")] = None,
+    keepout: Annotated[
+        Path | None, option(options.MASK, "nav2 keep-out mask; occupied cells become keep-out zones.")
+    ] = None,
     speed_mask: Annotated[
-        Path | None, option(MASK, "nav2 speed mask; cells become speed limits, percentages of --max-speed.")
+        Path | None, option(options.MASK, "nav2 speed mask; cells become speed limits, percentages of --max-speed.")
     ] = None,
     max_speed: Annotated[float, option(options.SPEED, "What the percentages are of.")] = 1.0,
 ) -> None:
