@@ -247,9 +247,11 @@ class DetectionMapper:
         return Belief(self.pose, self.covariance, readings, tuple(refused), self._strange >= STRANGE, False)
 
     def _forget_drift(self) -> None:
-        """Forget what was looked at since the robot's place was last as sure as now: it was elsewhere."""
-        surer = np.flatnonzero(np.array(self._sigmas[:-1]) <= self._sigmas[-1])
-        self._looks[self._since > (surer[-1] + 1 if len(surer) else 0)] = 0
+        """Forget what was looked at from places that were less sure than now by a cell or more: it may be elsewhere."""
+        drifted = np.array([0.0, *self._sigmas]) > self._sigmas[-1] + self.known.cell
+        if not drifted.any():
+            return
+        self._looks[drifted[self._since]] = 0
         self._free = self._away(np.s_[:, :], self._discs([])) > self._largest + self.known.cell
 
     def relocate(self) -> bool:
