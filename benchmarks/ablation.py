@@ -1,13 +1,13 @@
-"""What is each mechanism of the planner good for, and what are K-means landmarks good for?
+"""What is each stage of the planner good for, and what are K-means landmarks good for?
 
     python -m benchmarks.ablation [--seeds 3] [--time-limit 1] [--problems TEXT] [--minutes 35] [--nodes]
 
-Each mechanism is switched off in turn, K-means gives way to as many plain samples, and the planners that are made of
-parts (trailmark.planning.settings) take the place of all: success within the limit, time to the first path and cost at
-the limit, against the full planner. All of them answer a problem one after the other in a random order in one process,
-so that whatever else the machine does meets all alike; the full planner does so twice, which tells what is chance. Runs
-are kept in a record (JSON Lines), so that the same command goes on where it was stopped. ``--nodes`` compares K-means
-centres with uniform samples as nodes of a roadmap instead.
+Each stage (trailmark.planning.pipeline) is left out in turn, K-means gives way to as many plain samples, and the
+planners that are made of some stages (trailmark.planning.settings) take the place of all: success within the limit,
+time to the first path and cost at the limit, against the full planner. All of them answer a problem one after the other
+in a random order in one process, so that whatever else the machine does meets all alike; the full planner does so
+twice, which tells what is chance. Runs are kept in a record (JSON Lines), so that the same command goes on where it was
+stopped. ``--nodes`` compares K-means centres with uniform samples as nodes of a roadmap instead.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from trailmark.collision import StateChecker
 from trailmark.landmarks import free_samples, k_means_landmarks
 from trailmark.motion import kind_of
 from trailmark.planning import LandmarkPlanner, PlannerSettings
-from trailmark.planning.settings import MECHANISMS, METHODS
+from trailmark.planning.settings import METHODS, STAGES
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap
 
@@ -44,8 +44,8 @@ FULL, CONTROL, SAMPLES = "full planner", "the same once more", "samples for K-me
 """Variants: what all are compared with, what tells how much of a difference is chance, and plain samples."""
 
 OF_CARS, OF_DISCS = {"hybrid-astar", "redriving"}, {"disc-path"}
-KEPT = {"shortening", "improvement"}
-"""What is not switched off: it makes first paths better, not sooner."""
+KEPT = {"shortening", "improvement", "roadmap"}
+"""What is not left out: it makes first paths better, not sooner, or serves later queries."""
 
 REPEATS, ENOUGH = 7, 0.2
 """Times that a first path is sought by each at most, and the seconds after which it is sought no more. The soonest one
@@ -58,10 +58,10 @@ NODES, QUERIES = (100, 300, 1000), 200
 def variants(case: Case) -> dict[str, PlannerSettings]:
     """Return the settings to compare on a problem, by name: what makes no difference to its robot is left out."""
     kind, straight = kind_of(case.problem.robot), case.problem.robot.turning_radius is None
-    unused = KEPT | (OF_CARS if straight else {"bridges", "lattice"})
+    unused = KEPT | (OF_CARS if straight else {"bridges", "lattice", "node-retraction", "multi-steps", "other-ways"})
     unused |= {"background-proof"} if kind == "translation" else OF_DISCS
     found = {FULL: PlannerSettings(), CONTROL: PlannerSettings()}
-    found |= {f"without {name}": PlannerSettings(without=(name,)) for name in MECHANISMS if name not in unused}
+    found |= {f"without {name}": PlannerSettings(without=(name,)) for name in STAGES if name not in unused}
     found[SAMPLES] = PlannerSettings(placement="samples")
     named = {name: METHODS[name] for name in METHODS if name != "landmark" and (straight or name != "lattice")}
     return found | {f"planner {name}": settings for name, settings in named.items()}

@@ -22,7 +22,7 @@ PARTS = {
     "trailmark.exploration": "A robot without a map makes one.",
     "trailmark.formats": "Files that are read and written.",
     "trailmark.landmarks": "Samples, K-means, the relaxed problem; the published method.",
-    "trailmark.layers": "What pictures show.",
+    "trailmark.shown": "What pictures show.",
     "trailmark.library": "The worlds that are shipped.",
     "trailmark.motion": "Kinds of motion, all certified.",
     "trailmark.ompl_bridge": "trailmark's parts inside OMPL.",

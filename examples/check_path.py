@@ -21,7 +21,7 @@ from trailmark.verify import repaired
 # every stretch on which the robot collides is found, with the shortest translation that would take it out.
 world = World.load(sys.argv[1] if len(sys.argv) > 1 else "office")
 query = world.query()
-path = read_any_path(Path(sys.argv[2])).path if len(sys.argv) > 2 else [query.start, query.pose()]
+path = read_any_path(Path(sys.argv[2])).states if len(sys.argv) > 2 else [query.start, query.pose()]
 
 checker = StateChecker(world)
 auditor = PathAuditor(checker)

@@ -116,19 +116,6 @@ def test_changes_of_another_world_are_refused(items: list[Change], message: str)
         WORLD.apply(Changes(tuple(items)))
 
 
-@pytest.mark.parametrize(
-    ("items", "message"),
-    [
-        (5, "changes: expected a sequence, got 5"),
-        ([5], r"changes\[0\]: expected Change, got 5"),
-        ([Change("a", A, None, 0, None)] * 2, r"changes: expected each obstacle in one of them, got indices \[0, 0\]"),
-    ],
-)
-def test_what_are_no_changes_are_refused(items: Any, message: str) -> None:
-    with pytest.raises(WorldError, match=message):
-        Changes(items)
-
-
 @pytest.mark.slow
 def test_random_edits_agree_with_lists() -> None:
     rng = random.Random(3)  # noqa: S311 # a test's

@@ -33,13 +33,6 @@ def test_obstacles_come_go_and_move() -> None:
     assert WORLD.edited(remove=[0, "c", 3]) == World("w", BOUNDS, (B,))
 
 
-def test_an_edited_world_equals_one_that_was_made_so() -> None:
-    world = WORLD.edited(add={"new": D}, remove=[1])
-    made = World("w", BOUNDS, (A, C, D, D), ids=("a", "c", None, "new"))
-    assert world == made
-    assert hash(world) == hash(made)
-
-
 def test_turns_are_about_the_obstacles_own_centre() -> None:
     triangle = Polygon(np.array([[0, 0], [3, 0], [0, 3.0]]))
     world = World("w", BOUNDS, (Rectangle((5, 5), 2, 1, 0.1), triangle, Disc((9, 9), 1)))
@@ -106,10 +99,6 @@ def test_bad_edits_are_refused_in_one_line_and_change_nothing(edit: Any, message
         WORLD.edited(**edit)
     assert "\n" not in str(caught.value)
     assert before == WORLD
-
-
-def test_an_id_that_goes_may_come_back_in_the_same_edit() -> None:
-    assert WORLD.edited(remove=["a"], add={"a": D}).ids == (None, "c", None, "a")
 
 
 def test_where_nothing_has_an_id_a_name_is_refused_clearly() -> None:

@@ -67,13 +67,6 @@ def test_a_region_is_the_polygons_with_its_outline() -> None:
     assert away == pytest.approx(shapely.distance(region, shapely.points(xy)), abs=1e-9)
 
 
-def test_a_heading_interval_may_reach_across_half_a_turn() -> None:
-    goal = Goal((0.0, 0.0, 3.0), heading_tolerance=0.5)
-    assert goal.contains([[0.0, 0.0, -2.9], [0.0, 0.0, pi], [0.0, 0.0, 2.5]]).all()
-    assert not goal.contains([[0.0, 0.0, 0.0], [0.0, 0.0, -2.7]]).any()
-    assert goal.nearest([0.0, 0.0, -2.0])[0, 2] == pytest.approx(3.5 - 2.0 * pi)
-
-
 def test_a_goal_without_tolerance_is_one_configuration() -> None:
     assert Goal((1.0, 2.0, 3.0 * pi)).configuration == (1.0, 2.0, pi)
     assert Goal((1.0, 2.0, 0.0), cost=3.0).configuration == (1.0, 2.0, 0.0)

@@ -11,18 +11,6 @@ from trailmark import FormatError, library
 from trailmark.library import find_world, shipped_worlds
 
 
-def test_names_are_sorted_and_belong_to_files(worlds: Path) -> None:
-    shipped = shipped_worlds()
-    assert list(shipped) == sorted(shipped)
-    assert {"clutter", "enclosed", "field2000", "maze", "office"} <= shipped.keys()
-    assert all(file.name == f"{name}.yaml" and file.is_file() for name, file in shipped.items())
-    assert {file.name for file in shipped.values()} == {file.name for file in worlds.glob("*.yaml")}
-
-
-def test_name_finds_shipped_world() -> None:
-    assert find_world("office") == shipped_worlds()["office"]
-
-
 def test_file_wins_over_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("office").write_text("mine")
@@ -52,17 +40,6 @@ def test_impossible_names(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FormatError, match="expected bugtrap, clutter, "):
         find_world(name)
-
-
-def test_folder_is_named_as_such(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="a folder, not a file"):
-        find_world(tmp_path)
-
-
-def test_pipe_counts_as_file(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    assert find_world(pipe) == pipe
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")

@@ -40,11 +40,3 @@ def test_what_is_no_objective_is_refused_in_one_line(given: object, message: str
     with pytest.raises(ConfigurationError, match=message) as caught:
         Objective.of(given)  # type: ignore[arg-type]  # on purpose
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("field", ["max_speed", "max_turn_rate", "decay"])
-def test_rates_and_decay_are_above_zero(field: str) -> None:
-    with pytest.raises(ConfigurationError, match=field):
-        Objective(**{field: 0.0})
-    with pytest.raises(ConfigurationError, match=field):
-        Objective(**{field: float("nan")})

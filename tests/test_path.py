@@ -77,12 +77,6 @@ def test_a_path_that_stands_still() -> None:
         assert path.resample(0.1).cost == 0.0
 
 
-def test_a_way_across_the_cut_turns_the_shorter_way() -> None:
-    path = Path(np.array([(0, 0, 3.0), (0, 0, -3.0)]))
-    assert path.rotation == pytest.approx(2 * math.pi - 6)
-    assert abs(path.at(0.5)[2]) == pytest.approx(math.pi)
-
-
 @pytest.mark.slow
 @given(paths, st.floats(0.5, 50.0))
 def test_resampling_keeps_the_way_and_the_states(path: Path, step: float) -> None:
@@ -91,12 +85,6 @@ def test_resampling_keeps_the_way_and_the_states(path: Path, step: float) -> Non
     assert {tuple(q) for q in path.states} <= {tuple(q) for q in fine.states}
     for i in range(len(fine) - 1):
         assert Path(fine.states[i : i + 2]).cost <= step * (1 + 1e-9)
-
-
-@pytest.mark.parametrize("step", [0.0, -1.0, math.nan, math.inf])
-def test_resampling_needs_a_step(step: float) -> None:
-    with pytest.raises(ConfigurationError, match="resample: step: expected a finite number above 0, got"):
-        Path(np.array([(0, 0, 0), (1, 1, 1)])).resample(step)
 
 
 def test_a_step_that_makes_too_many_states_is_refused() -> None:

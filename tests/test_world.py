@@ -145,7 +145,7 @@ def test_a_world_is_a_value() -> None:
     other = world.with_robot(Robot.disc(0.1))
     assert other.robot == Robot.disc(0.1)
     assert world.robot is None
-    assert other.obstacles is world.obstacles
+    assert other.obstacles[0] is world.obstacles[0]
     assert hash(other) == hash(world.with_robot(Robot.disc(0.1)))
 
 

@@ -167,7 +167,7 @@ def _any_path(path: Path) -> None:
     from trailmark.formats.any_path import read_any_path
 
     found = read_any_path(path)
-    assert np.isfinite(found.path.states).all()
+    assert np.isfinite(found.states).all()
     assert np.isfinite(found.headings)
 
 

@@ -28,7 +28,6 @@ __all__ = [
 P = ParamSpec("P")
 R = TypeVar("R")
 
-
 LONGEST = 1000
 """Characters of a message at most: what was given may be a whole file on one line."""
 

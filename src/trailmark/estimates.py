@@ -5,18 +5,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark import se2
-from trailmark.arguments import brief, number_array, one_of, real
+from trailmark.arguments import Probability, checked, number, number_array, one_of
 from trailmark.errors import WorldError, expected_name
 from trailmark.robot import Robot
+from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
 __all__ = ["FRAMES", "Frame", "ObstacleEstimate", "RiskBound"]
@@ -26,8 +25,22 @@ Frame = Literal["start", "map"]
 FRAMES: tuple[Frame, ...] = get_args(Frame)
 
 
+class _Value:
+    """What compares by its fields, arrays included."""
+
+    def _contents(self) -> tuple[Any, ...]:
+        # Adding 0 makes -0.0 to 0.0: the two are equal, so their bytes must be.
+        return tuple((v + 0.0).tobytes() if isinstance(v, np.ndarray) else v for v in self.__dict__.values())
+
+    def __eq__(self, other: object) -> bool:
+        return self._contents() == other._contents() if isinstance(other, type(self)) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._contents())
+
+
 @dataclass(frozen=True, eq=False)
-class ObstacleEstimate:
+class ObstacleEstimate(_Value):
     """An obstacle that is known from noisy readings: its mean shape, and the covariance of the numbers that place it.
 
     Those numbers are, in this order, a disc's x, y and radius; a rectangle's x, y, heading, length and width; a
@@ -37,8 +50,7 @@ class ObstacleEstimate:
     Attributes:
         mean: the most likely shape.
         covariance: shape (k, k), 2 <= k <= 5 (rectangle) or 3; metres and radians.
-        share: the part of the world's risk that this obstacle may take, above 0 and at most 1; None if not shared
-            out.
+        share: the part of the world's risk that it may take, above 0 and at most 1; None if not shared out.
         frame: what the covariance is relative to: "start", where the robot stood first, or "map", the obstacles
             themselves; None where nothing is said.
 
@@ -48,33 +60,24 @@ class ObstacleEstimate:
     """
 
     mean: Shape
-    covariance: se2.FloatArray
+    covariance: FloatArray
     share: float | None = None
     frame: Frame | None = None
 
     def __post_init__(self) -> None:
         one_of(self.mean, (Disc, Rectangle, Polygon), "estimate: mean:", error=WorldError)
-        max_size = 5 if isinstance(self.mean, Rectangle) else 3
-        kind = type(self.mean).__name__.lower()
-        name = f"estimate of a {kind}: covariance"
-        object.__setattr__(self, "covariance", _covariance(self.covariance, name, range(2, max_size + 1)))
+        name = f"estimate of a {type(self.mean).__name__.lower()}: covariance"
+        covariance = _covariance(self.covariance, name, range(2, 6 if isinstance(self.mean, Rectangle) else 4))
+        object.__setattr__(self, "covariance", covariance)
         if self.share is not None:
-            object.__setattr__(self, "share", _between(self.share, "estimate: share", 0.0, 1.0))
+            share = number(self.share, "estimate: share", above=0.0, maximum=1.0, error=WorldError)
+            object.__setattr__(self, "share", share)
         if self.frame not in (None, *FRAMES):
             raise WorldError(f"estimate: frame: {expected_name(str(self.frame), FRAMES)}")
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, ObstacleEstimate):
-            return NotImplemented
-        alike = (self.mean, self.share, self.frame) == (other.mean, other.share, other.frame)
-        return alike and np.array_equal(self.covariance, other.covariance)
-
-    def __hash__(self) -> int:
-        return hash((self.mean, self.share, (self.covariance + 0.0).tobytes()))
-
 
 @dataclass(frozen=True, eq=False)
-class RiskBound:
+class RiskBound(_Value):
     """What a world's obstacles are grown for.
 
     Attributes:
@@ -88,31 +91,15 @@ class RiskBound:
     """
 
     confidence: float
-    pose_covariance: se2.FloatArray | None = None
+    pose_covariance: FloatArray | None = None
     reach: float = 0.0
 
     def __post_init__(self) -> None:
-        confidence = _between(self.confidence, "risk: confidence", 0.0, 1.0)
-        if confidence == 1.0:
-            raise WorldError("risk: confidence: expected a number above 0 and below 1, got 1")
-        object.__setattr__(self, "confidence", confidence)
-        reach = real(self.reach)
-        if not 0.0 <= reach < math.inf:
-            raise WorldError(f"risk: reach: expected metres, 0 or more, got {brief(self.reach)}")
-        object.__setattr__(self, "reach", reach)
+        object.__setattr__(self, "confidence", checked(self.confidence, Probability, "risk: confidence", WorldError))
+        object.__setattr__(self, "reach", number(self.reach, "risk: reach", minimum=0.0, unit="m", error=WorldError))
         if self.pose_covariance is not None:
             covariance = _covariance(self.pose_covariance, "risk: pose_covariance", (3,))
             object.__setattr__(self, "pose_covariance", covariance)
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, RiskBound):
-            return NotImplemented
-        mine, theirs = self.pose_covariance, other.pose_covariance
-        same = mine is theirs if mine is None or theirs is None else np.array_equal(mine, theirs)
-        return same and self.confidence == other.confidence and self.reach == other.reach
-
-    def __hash__(self) -> int:
-        return hash((self.confidence, self.reach))
 
     def covers(self, robot: Robot) -> bool:
         """Return whether obstacles grown for this bound keep it for that robot too: a heading error moves it less."""
@@ -120,7 +107,7 @@ class RiskBound:
         return pose is None or pose[2, 2] == 0.0 or robot.sweep_radius <= (1.0 + 1e-9) * self.reach
 
 
-def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> se2.FloatArray:
+def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> FloatArray:
     """Return a symmetric matrix without negative eigenvalues, read-only, or say what is wrong."""
     matrix = number_array(value, name, "no matrix of numbers given", error=WorldError)
     if matrix.shape not in {(k, k) for k in sizes}:
@@ -136,11 +123,3 @@ def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> se2.FloatA
         raise WorldError(f"{name}: expected a matrix without negative eigenvalues, got {matrix.tolist()}")
     matrix.flags.writeable = False
     return matrix
-
-
-def _between(value: object, name: str, low: float, high: float) -> float:
-    """Return a number above ``low`` and at most ``high``, or say what is wrong."""
-    number = real(value)
-    if not low < number <= high:
-        raise WorldError(f"{name}: expected a number above {low:g} and at most {high:g}, got {brief(value)}")
-    return number

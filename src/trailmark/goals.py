@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -57,45 +57,36 @@ class Goal:
 
     def __post_init__(self) -> None:
         if (self.pose is None) == (self.region is None):
-            raise ConfigurationError(
-                f"goal: expected a pose or a region, got {'neither' if self.pose is None else 'both'}"
-            )
+            given = "neither" if self.pose is None else "both"
+            raise ConfigurationError(f"goal: expected a pose or a region, got {given}")
         for name, unit in (("position_tolerance", "m"), ("heading_tolerance", "rad")):
-            object.__setattr__(self, name, number(getattr(self, name), f"goal: {name}:", minimum=0.0, unit=unit))
-        cost = number(self.cost, "goal: cost:")
+            self.__dict__[name] = number(getattr(self, name), f"goal: {name}:", minimum=0.0, unit=unit)
+        self.__dict__["cost"] = cost = number(self.cost, "goal: cost:")
         if cost < 0.0:
-            raise ConfigurationError(
-                f"goal: cost: expected 0 or more, got {cost:g} (only differences count: add as much to each goal)"
-            )
-        object.__setattr__(self, "cost", cost)
+            hint = "(only differences count: add as much to each goal)"
+            raise ConfigurationError(f"goal: cost: expected 0 or more, got {cost:g} {hint}")
         warn_of_degrees(self.heading_tolerance, "goal: heading_tolerance")
         if self.heading is not None:
-            warn_of_degrees(number(self.heading, "goal: heading:"), "goal: heading")
-            object.__setattr__(self, "heading", float(se2.wrap(number(self.heading, "goal: heading:"))))
+            heading = number(self.heading, "goal: heading:")
+            warn_of_degrees(heading, "goal: heading")
+            self.__dict__["heading"] = float(se2.wrap(heading))
         if self.region is None:
-            self._check_pose()
-        else:
-            self._check_region()
-        if self.heading_tolerance > 0.0 and self._heading is None:
-            raise ConfigurationError(f"goal: heading_tolerance: expected a heading, got {brief(self)}")
-
-    def _check_pose(self) -> None:
-        pose = number_array(self.pose, "goal: pose", "{} is not an array of numbers x, y, theta or x, y")
-        if pose.shape not in ((2,), (3,)):
-            raise ConfigurationError(f"goal: pose: expected [x, y, theta] or [x, y], got shape {pose.shape}")
-        if self.heading is not None:
-            raise ConfigurationError("goal: heading: expected the heading of a pose in the pose, got both")
-        whole = se2.configurations([*pose, 0.0][:3], name="goal: pose", by_hand=True)
-        object.__setattr__(self, "pose", tuple(whole.tolist()[: len(pose)]))
-
-    def _check_region(self) -> None:
-        if self.position_tolerance > 0.0:
+            pose = number_array(self.pose, "goal: pose", "{} is not an array of numbers x, y, theta or x, y")
+            if pose.shape not in ((2,), (3,)):
+                raise ConfigurationError(f"goal: pose: expected [x, y, theta] or [x, y], got shape {pose.shape}")
+            if self.heading is not None:
+                raise ConfigurationError("goal: heading: expected the heading of a pose in the pose, got both")
+            whole = se2.configurations([*pose, 0.0][:3], name="goal: pose", by_hand=True)
+            self.__dict__["pose"] = tuple(whole.tolist()[: len(pose)])
+        elif self.position_tolerance > 0.0:
             raise ConfigurationError("goal: position_tolerance: expected a pose, got a region")
-        if not isinstance(self.region, Polygon):
+        elif not isinstance(self.region, Polygon):
             try:
-                object.__setattr__(self, "region", Polygon(self.region))
+                self.__dict__["region"] = Polygon(self.region)
             except ShapeError as error:
                 raise ConfigurationError(f"goal: region: {error}") from None
+        if self.heading_tolerance > 0.0 and self._heading is None:
+            raise ConfigurationError(f"goal: heading_tolerance: expected a heading, got {brief(self)}")
 
     def __repr__(self) -> str:
         fields = ", ".join(f"{name}={value}" for name, value in self.to_dict().items())
@@ -171,9 +162,7 @@ class Goal:
     def near_boxes(self, middle: FloatArray, half: float) -> NDArray[np.bool_]:
         """Return which squares hold positions of the goal, shape (n,): all that do, and those that nearly do.
 
-        Args:
-            middle: of each, shape (n, 2).
-            half: an edge's, metres.
+        ``middle`` is that of each, shape (n, 2), and ``half`` half of an edge, metres.
         """
         if self.region is None:
             off = np.maximum(np.abs(middle - self.disc[0]) - half, 0.0)
@@ -207,49 +196,46 @@ class Goal:
 
     def _nearest_positions(self, xy: FloatArray) -> FloatArray:
         """Return the nearest points of the goal's positions to points (n, 2), inside it despite rounding."""
+        found = xy.copy()
         if self.region is None:
             center, radius = self.disc
-            off = xy - center
-            away = np.hypot(*off.T)
-            found = np.where((away <= radius)[:, None], xy, center)
-            far = np.flatnonzero((away > radius) & (radius > 0.0))
-            for share in INWARDS:
-                found[far] = center + off[far] * (radius / away[far] * (1.0 - share))[:, None]
-                far = far[np.hypot(*(found[far] - center).T) > radius]
+            away = np.hypot(*(xy - center).T)
+            far = away > radius
+            rim = center + (xy - center)[far] * (radius / away[far])[:, None]
+            found[far] = _inwards(rim, np.broadcast_to(center, rim.shape), lambda p: np.hypot(*(p - center).T) > radius)
             return found
         import shapely
 
         region = self.region.shapely()
-        found = xy.copy()
-        outside = np.flatnonzero(~shapely.intersects_xy(region, *xy.T))
-        if len(outside) == 0:
-            return found
-        # (outside, triangles, edges, xy)
-        a, b = self._triangles, np.roll(self._triangles, -1, axis=1)
-        along = ((xy[outside, None, None] - a) * (b - a)).sum(axis=-1)
-        share = along / np.maximum(((b - a) ** 2).sum(axis=-1), 1e-300)
-        places = a + np.clip(share, 0.0, 1.0)[..., None] * (b - a)
-        away = np.hypot(*np.moveaxis(places - xy[outside, None, None], -1, 0)).reshape(len(outside), -1)
-        best = away.argmin(axis=1)
-        rim, middle = places.reshape(len(outside), -1, 2)[np.arange(len(outside)), best], a.mean(axis=1)[best // 3]
-        left = np.arange(len(outside))
-        for inwards in INWARDS:
-            found[outside[left]] = rim[left] + inwards * (middle[left] - rim[left])
-            left = left[~shapely.intersects_xy(region, *found[outside[left]].T)]
+        far = ~shapely.intersects_xy(region, *xy.T)
+        rim = shapely.get_coordinates(shapely.shortest_line(region, shapely.points(xy[far])))[::2]
+        apart = shapely.distance(shapely.polygons(self._triangles), shapely.points(rim)[:, None])
+        middle = self._triangles.mean(axis=1)[apart.argmin(axis=1)]
+        found[far] = _inwards(rim, middle, lambda p: ~shapely.intersects_xy(region, *p.T))
         return found
 
     def _nearest_headings(self, theta: FloatArray) -> FloatArray:
         """Return the nearest allowed headings to others (n,), in (-pi, pi]."""
-        if self.headings is None:
-            return np.asarray(se2.wrap(theta))
-        heading, tolerance = self.headings
-        turn = np.asarray(se2.wrap(theta - heading))
-        found = np.where(np.abs(turn) <= tolerance, se2.wrap(theta), heading)
-        far = np.flatnonzero((np.abs(turn) > tolerance) & (tolerance > 0.0))
-        for share in INWARDS:
-            found[far] = se2.wrap(heading + np.copysign(tolerance * (1.0 - share), turn[far]))
-            far = far[np.abs(se2.wrap(found[far] - heading)) > tolerance]
+        found = np.asarray(se2.wrap(theta))
+        if self.headings is not None:
+            heading, tolerance = self.headings
+            turn = np.asarray(se2.wrap(theta - heading))
+            far = np.abs(turn) > tolerance
+            rim = heading + np.copysign(tolerance, turn[far])
+            beyond = _inwards(
+                rim, np.full_like(rim, heading), lambda t: np.abs(se2.wrap(se2.wrap(t) - heading)) > tolerance
+            )
+            found[far] = se2.wrap(beyond)
         return found
+
+
+def _inwards(rim: FloatArray, middle: FloatArray, outside: Callable[[FloatArray], NDArray[np.bool_]]) -> FloatArray:
+    """Return points of a rim, moved towards a middle inside by as little as rounding asks for, shape (n, ...)."""
+    found, remaining = rim.copy(), np.arange(len(rim))
+    for share in INWARDS:
+        found[remaining] = rim[remaining] + share * (middle[remaining] - rim[remaining])
+        remaining = remaining[outside(found[remaining])]
+    return found
 
 
 @dataclass(frozen=True)

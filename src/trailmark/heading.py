@@ -11,12 +11,12 @@ from math import pi
 
 import numpy as np
 
-from trailmark.compiled import njit
+from trailmark.jit import njit
 
 __all__ = ["turn", "wrapped"]
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def wrapped(angle: float) -> float:
     """Return an angle (radians, finite) brought into (-pi, pi]; one that is there already comes back unchanged."""
     if -pi < angle <= pi:
@@ -32,7 +32,7 @@ def wrapped(angle: float) -> float:
     return angle
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def turn(a: float, b: float) -> float:
     """Return the shorter turn from heading a to heading b, radians in (-pi, pi]; exactly half a turn is +pi.
 

@@ -12,11 +12,8 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def shipped_worlds() -> dict[str, Path]:
-    """Return the file of every shipped world under its name, in the order of the names.
-
-    A wheel carries the worlds as package data; an editable installation and a source tree have them in the
-    folder ``worlds`` beside ``src``.
-    """
+    """Return the file of every shipped world under its name, in the order of the names."""
+    # A wheel carries them as package data; an editable installation and a source tree have them beside ``src``.
     packaged = _PACKAGE / "_worlds"
     folder = packaged if packaged.is_dir() else _PACKAGE.parents[1] / "worlds"
     return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
@@ -24,9 +21,6 @@ def shipped_worlds() -> dict[str, Path]:
 
 def find_world(name_or_path: str | Path) -> Path:
     """Return the file that a WORLD argument means: an existing file, else the shipped world of that name.
-
-    Args:
-        name_or_path: a path, or a name such as ``office``; a file ``office`` in the working directory wins.
 
     Raises:
         FormatError: neither; the message lists the shipped names.

@@ -12,12 +12,10 @@ _all: WeakSet[Lock] = WeakSet()
 
 
 class Lock(RLock):  # type: ignore[misc]  # final in its stub alone
-    """A reentrant lock, of which a copy, by pickle too, is a new one that nobody holds.
+    """A reentrant lock; copies, by pickle too, are new ones, and in a forked process nobody holds it.
 
-    In a forked process nobody holds it either: the thread that did is not there. What locks guard is left sound by an
-    exception at any place, hence by that too.
-
-    No wrapper: between a wrapper's methods an exception could arrive that leaves the lock held for ever.
+    What locks guard is left sound by an exception at any place, hence by a fork too. No wrapper: between a wrapper's
+    methods an exception could arrive that leaves the lock held for ever.
     """
 
     def __init__(self) -> None:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trailmark.arguments import brief, one_of, real
+from trailmark.arguments import brief, number, one_of, real
 from trailmark.errors import ShapeError, WorldError
-from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, Shape, displaced, triangulate
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape, displaced, triangulate
 
 __all__ = ["DISC_ERROR", "Moving"]
 
@@ -43,17 +43,14 @@ class Moving:
     def __post_init__(self) -> None:
         one_of(self.shape, (Disc, Rectangle, Polygon), "moving: shape:", error=WorldError)
         try:
-            velocity = tuple(real(v) for v in self.velocity)
+            velocity = tuple(map(real, self.velocity))
         except TypeError:
             velocity = ()
         if len(velocity) != 2 or not all(map(math.isfinite, velocity)):
             raise WorldError(f"moving: velocity: expected two finite numbers vx, vy, got {brief(self.velocity)}")
-        until = real(self.until)
-        if not 0.0 < until < math.inf:
-            raise WorldError(f"moving: until: expected a finite number of seconds above 0, got {brief(self.until)}")
-        object.__setattr__(self, "velocity", velocity)
-        object.__setattr__(self, "until", until)
-        object.__setattr__(self, "swept", _swept(self.shape, velocity[0] * until, velocity[1] * until))
+        until = number(self.until, "moving: until", above=0.0, unit="s", error=WorldError)
+        swept = _swept(self.shape, np.array(velocity) * until)
+        self.__dict__.update(velocity=velocity, until=until, swept=swept)
 
     def at(self, time: float) -> Shape:
         """Return the obstacle's shape ``time`` seconds from now."""
@@ -64,45 +61,20 @@ class Moving:
         return Moving(displaced(self.shape, dx, dy, dtheta), self.velocity, self.until)
 
 
-def _swept(shape: Shape, dx: float, dy: float) -> Shape:
-    """Return the region that a shape covers on its way along (dx, dy), metres."""
-    if dx == 0.0 and dy == 0.0:
+def _swept(shape: Shape, step: np.ndarray) -> Shape:
+    """Return the region that a shape covers on its way along a step, shape (2,), metres."""
+    if not step.any():
         return shape
-    if isinstance(shape, Disc):
-        return _capsule(shape, dx, dy)
     import shapely
 
-    polygon = shape.polygon()
-    pieces = triangulate(polygon) if isinstance(shape, Polygon) else polygon.vertices[None]
-    corners = np.concatenate([pieces, pieces + np.array([dx, dy])], axis=1)
-    # The hull of a convex piece's both ends is what the piece sweeps; the pieces fill the shape.
-    region = shapely.union_all(shapely.convex_hull(shapely.multipoints(corners)))
-    if region.geom_type != "Polygon" or not region.is_valid:  # pieces that abut by a corner, to rounding
-        region = shapely.convex_hull(region)
     try:
+        polygon = shape.polygon(DISC_ERROR * shape.radius) if isinstance(shape, Disc) else shape.polygon()
+        pieces = triangulate(polygon) if isinstance(shape, Polygon) else polygon.vertices[None]
+        # The hull of a convex piece's both ends is what the piece sweeps; the pieces fill the shape.
+        hulls = shapely.convex_hull(shapely.multipoints(np.concatenate([pieces, pieces + step], axis=1)))
+        region = shapely.union_all(hulls)
+        if region.geom_type != "Polygon" or not region.is_valid:  # pieces that abut by a corner, to rounding
+            region = shapely.convex_hull(region)
         return Polygon(region.exterior.coords, tuple(ring.coords for ring in region.interiors))
     except ShapeError as error:
         raise ShapeError(f"moving: the region swept: {error}") from None
-
-
-CORNERS = 24
-"""Of a polygon around a disc: a multiple of 4, so that edges of the disc's capsule run along its sides."""
-
-_angles = math.pi / CORNERS * np.arange(1 - CORNERS // 2, CORNERS // 2, 2)
-FRONT = np.column_stack([np.cos(_angles), np.sin(_angles)]) / math.cos(math.pi / CORNERS)
-"""Corners in front of the centre of a disc of radius 1 that moves along x, shape (CORNERS / 2, 2)."""
-
-
-def _capsule(disc: Disc, dx: float, dy: float) -> Polygon:
-    """Return a polygon around the region that a disc sweeps: its front and its back, each half of a regular polygon."""
-    (x, y), r, length = disc.center, disc.radius, math.hypot(dx, dy)
-    farthest = max(abs(x), abs(y), abs(x + dx), abs(y + dy)) + (1.0 + DISC_ERROR) * r
-    if farthest > LIMIT:
-        raise ShapeError(f"moving: the region swept: expected coordinates of at most {LIMIT:g} m, got {farthest:g}")
-    c, s = r * dx / length, r * dy / length
-    front = FRONT @ np.array([[c, s], [-s, c]])
-    vertices = np.empty((CORNERS, 2))
-    vertices[: CORNERS // 2] = front + np.array([x + dx, y + dy])
-    vertices[CORNERS // 2 :] = np.array([x, y]) - front
-    # A disc that is hardly more than rounding, so far from the origin, may have corners in the same place.
-    return Polygon.unchecked(vertices) if r > 1e-9 * farthest else Polygon(vertices)

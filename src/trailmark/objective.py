@@ -12,7 +12,12 @@ from trailmark.se2 import ROTATION_WEIGHT
 
 __all__ = ["Objective"]
 
-NAMES = ("length", "time", "clearance")
+NAMED: dict[str, dict[str, float]] = {
+    "length": {},
+    "time": {"length": 0.0, "time": 1.0},
+    "clearance": {"clearance": 5.0},
+}
+"""Weights that have a name."""
 
 DRIVERS = {"reverse": 1.5, "direction_change": 3.0}
 """What a driver avoids, by default: a change of direction takes about as long as 3 m of manoeuvring."""
@@ -82,7 +87,7 @@ class Objective:
         return self.direction_change * metre, (self.reverse - 1.0) * metre
 
     @property
-    def charges_places(self) -> bool:
+    def position_dependent(self) -> bool:
         """Whether a metre is charged by more than its length, or by another weight than 1."""
         return self.length != 1.0 or self.time > 0.0 or self.clearance > 0.0
 
@@ -108,27 +113,23 @@ class Objective:
             raise ConfigurationError(f"objective: expected an Objective or a name, got {brief(given)}")
         if isinstance(robot, Robot) and robot.turning_radius is not None and robot.reverse and given != "length":
             limits = DRIVERS | limits
-        if given is None or given == "length":
-            return cls(**limits)
-        if given == "time":
-            return cls(length=0.0, time=1.0, **limits)
-        if given == "clearance":
-            return cls(clearance=5.0, **limits)
+        if given is None or given in NAMED:
+            return cls(**NAMED[given or "length"], **limits)
         names = [setting.name for setting in fields(cls)]
-        values: dict[str, float] = {}
-        for pair in given.split(","):
-            name, equals, text = pair.partition("=")
+        values = {"length": 0.0, **limits}
+        pairs = [[part.strip() for part in pair.partition("=")] for pair in given.split(",")]
+        for name, equals, text in pairs:
             if not equals:
-                raise ConfigurationError(f"objective: {expected_name(pair, NAMES)} (or name=weight,name=weight)")
-            if name.strip() not in names:
-                raise ConfigurationError(f"objective: {expected_name(name.strip(), names)}")
-            if name.strip() in values:
+                raise ConfigurationError(f"objective: {expected_name(name, NAMED)} (or name=weight,name=weight)")
+            if name not in names:
+                raise ConfigurationError(f"objective: {expected_name(name, names)}")
+            if [other for other, _, _ in pairs].count(name) > 1:
                 raise ConfigurationError(f"objective: expected each weight once, got {given!r}")
             try:
-                values[name.strip()] = float(text)
+                values[name] = float(text)
             except ValueError:
-                raise ConfigurationError(f"objective: {name.strip()}: expected a number, got {text!r}") from None
-        return cls(**{"length": 0.0, **limits, **values})
+                raise ConfigurationError(f"objective: {name}: expected a number, got {text!r}") from None
+        return cls(**values)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the weights by name, as JSON has them."""

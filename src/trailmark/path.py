@@ -79,13 +79,9 @@ class Path:
         return self.length + se2.ROTATION_WEIGHT * self.rotation
 
     def at(self, fraction: ArrayLike) -> se2.FloatArray:
-        """Return the configurations at fractions of the cost along the path.
+        """Return the configurations at fractions of the cost along the path, shape (m, 3), or (3,) for a scalar.
 
-        Args:
-            fraction: values in [0, 1], shape (m,) or a scalar; values outside are clipped.
-
-        Returns:
-            Shape (m, 3), or (3,) for a scalar.
+        ``fraction`` holds values in [0, 1], shape (m,) or a scalar; those outside are clipped.
         """
         steps = se2.distance(self.states[:-1], self.states[1:])
         along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -130,7 +126,7 @@ class Path:
         """
         from trailmark.formats.any_path import read_any_path
 
-        return read_any_path(FilePath(file)).path
+        return Path(read_any_path(FilePath(file)).states)
 
     def save(self, file: str | FilePath, frame: str = "map") -> None:
         """Write the path in the format that the suffix tells (:func:`trailmark.formats.path_files.write_path`).

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from trailmark import se2
-from trailmark.arguments import brief, number, one_of, real
+from trailmark.arguments import brief, number, one_of, truth
 from trailmark.errors import ShapeError, expected_name
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape, shape_of
 from trailmark.shown import Shown
@@ -59,16 +59,15 @@ class Robot(Shown):
     def __post_init__(self) -> None:
         self._check_steering()
         kept = number(self.clearance, "robot: clearance", minimum=0.0, maximum=MAX_CLEARANCE, error=ShapeError)
-        object.__setattr__(self, "clearance", kept)
         hint = " (from text: Robot.parse('disc:1'))" if isinstance(self.footprint, str) else ""
-        object.__setattr__(self, "footprint", shape_of(self.footprint, "robot: footprint"))
-        one_of(self.footprint, (Disc, Rectangle, Polygon), "robot: footprint:", hint=hint, error=ShapeError)
-        shape = self.footprint
+        shape = shape_of(self.footprint, "robot: footprint")
+        one_of(shape, (Disc, Rectangle, Polygon), "robot: footprint:", hint=hint, error=ShapeError)
         if isinstance(shape, Polygon):
             if shape.holes:
                 raise ShapeError(f"robot: expected a polygon without holes, got one with {len(shape.holes)}")
         elif shape.center != (0.0, 0.0) or (isinstance(shape, Rectangle) and shape.heading != 0.0):
             raise ShapeError("robot: disc and rectangle lie centred on the reference point, unrotated")
+        self.__dict__.update(clearance=kept, footprint=shape)
 
     @classmethod
     def disc(cls, radius: float) -> Robot:
@@ -137,8 +136,7 @@ class Robot(Shown):
     @cached_property
     def circumradius(self) -> float:
         """Largest distance (metres) from the reference point of a point of the footprint, dilated by the clearance."""
-        reach = self.footprint.radius if isinstance(self.footprint, Disc) else self.sweep_radius
-        return reach + self.clearance
+        return (self.footprint.radius if isinstance(self.footprint, Disc) else self.sweep_radius) + self.clearance
 
     @cached_property
     def sweep_radius(self) -> float:
@@ -199,29 +197,21 @@ class Robot(Shown):
             text += ", differential drive" + (", in reverse too" if self.reverse else "")
         if self.turning_radius is not None:
             text += f", turning radius {self.turning_radius:g} m" + ("" if self.reverse else ", forward only")
-        if self.clearance > 0.0:
-            text += f", clearance {self.clearance:g} m"
-        return text
+        return text + (f", clearance {self.clearance:g} m" if self.clearance > 0.0 else "")
 
     def _check_steering(self) -> None:
-        radius = self.turning_radius
-        if radius is not None and not 0.0 < real(radius) <= TURNING_LIMIT:
-            raise ShapeError(
-                f"robot: expected a number above 0 and at most {TURNING_LIMIT:g} m, got turning_radius {brief(radius)}"
-            )
+        radius: Any = self.turning_radius
+        if radius is not None:
+            name = "robot: turning_radius"
+            radius = number(radius, name, above=0.0, maximum=TURNING_LIMIT, unit="m", error=ShapeError)
         drive: Any = self.drive if self.drive is not None else "omnidirectional" if radius is None else "car"
         if not isinstance(drive, str) or drive not in DRIVES:
             raise ShapeError(f"robot: drive: {expected_name(str(drive), DRIVES)}")
         if (drive == "car") != (radius is not None):
-            given = "none" if radius is None else f"turning_radius {brief(radius)}"
-            raise ShapeError(
-                f"robot: expected a turning radius with drive 'car' and no other, got {given} with {drive!r}"
-            )
+            given = f"turning_radius {radius} with {drive!r}"
+            raise ShapeError(f"robot: expected a turning radius with drive 'car' and no other, got {given}")
         reverse: Any = drive != "differential" if self.reverse is None else self.reverse
-        if not isinstance(reverse, bool | np.bool_):
-            raise ShapeError(f"robot: reverse: expected True or False, got {brief(reverse)}")
+        reverse = truth(reverse, "robot: reverse", error=ShapeError)
         if drive == "omnidirectional" and not reverse:
             raise ShapeError("robot: expected a turning radius with reverse False, got none")
-        object.__setattr__(self, "turning_radius", None if radius is None else float(radius))
-        object.__setattr__(self, "reverse", bool(reverse))
-        object.__setattr__(self, "drive", drive)
+        self.__dict__.update(turning_radius=radius, reverse=reverse, drive=drive)

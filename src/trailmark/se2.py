@@ -5,6 +5,7 @@ function takes arrays of shape ``(..., 3)`` and broadcasts like numpy. The dista
 ``SE2StateSpace`` (Euclidean plus half of the heading difference), so that costs compare directly.
 """
 
+# Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
 from typing import Any
@@ -86,19 +87,13 @@ def difference(a: ArrayLike, b: ArrayLike) -> FloatArray:
 
 def distance(a: ArrayLike, b: ArrayLike) -> Any:
     """Return ‖Δxy‖ + 0.5·|Δθ| (metres), shape (...): the cost of the motion from a to b."""
-    delta = difference(a, b)
-    return np.hypot(delta[..., 0], delta[..., 1]) + ROTATION_WEIGHT * np.abs(delta[..., 2])
+    return motion_bound(a, b, ROTATION_WEIGHT)
 
 
 def interpolate(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> FloatArray:
-    """Return the configuration at fraction t of the motion from a to b.
+    """Return the configurations at fractions t, shape (...), of the motions from a to b, shape (..., 3).
 
     x and y go linearly, theta along the shorter arc.
-
-    Args:
-        a: shape (..., 3).
-        b: shape (..., 3).
-        t: fractions in [0, 1], shape broadcastable to a's and b's leading shape.
     """
     start = np.asarray(a, dtype=np.float64)
     q = start + np.asarray(t, dtype=np.float64)[..., None] * difference(a, b)
@@ -107,12 +102,9 @@ def interpolate(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> FloatArray:
 
 
 def motion_bound(a: ArrayLike, b: ArrayLike, radius: float) -> Any:
-    """Return an upper bound (metres) on how far the motion moves any point of the robot: ‖Δxy‖ + R·|Δθ|.
+    """Return an upper bound (metres) on how far a motion moves any point of the robot: ‖Δxy‖ + R·|Δθ|, shape (...).
 
-    Args:
-        a: shape (..., 3).
-        b: shape (..., 3).
-        radius: R, the largest distance of the robot's outline from its reference point.
+    ``radius`` is R, the largest distance of the robot's outline from its reference point.
     """
     delta = difference(a, b)
     return np.hypot(delta[..., 0], delta[..., 1]) + radius * np.abs(delta[..., 2])
@@ -128,15 +120,7 @@ def compose(a: ArrayLike, b: ArrayLike) -> FloatArray:
 
 
 def transform(q: ArrayLike, points: ArrayLike) -> FloatArray:
-    """Return points of the robot's frame, shape (m, 2), in the world frame for each configuration.
-
-    Args:
-        q: configurations, shape (..., 3).
-        points: shape (m, 2), metres, in the robot's frame.
-
-    Returns:
-        Shape (..., m, 2).
-    """
+    """Return points (m, 2) of the robot's frame in the world's, at configurations (..., 3), shape (..., m, 2)."""
     pose, body = np.asarray(q, dtype=np.float64), np.asarray(points, dtype=np.float64)
     cos, sin = np.cos(pose[..., 2, None]), np.sin(pose[..., 2, None])
     x = pose[..., 0, None] + cos * body[:, 0] - sin * body[:, 1]
@@ -149,11 +133,7 @@ def embed(q: ArrayLike, radius: float) -> FloatArray:
 
     The Euclidean distance e of two embedded configurations bounds the displacement of every point of a robot
     of circumradius R between them by √2·e: that displacement is at most ‖Δxy‖ + 2R·sin(|Δθ|/2), whose two
-    terms are the legs of a right triangle with hypotenuse e.
-
-    Args:
-        q: configurations, shape (..., 3).
-        radius: R in metres; 0 leaves the heading out.
+    terms are the legs of a right triangle with hypotenuse e. An R of 0 leaves the heading out.
     """
     pose = np.asarray(q, dtype=np.float64)
     return np.concatenate([pose[..., :2], radius * np.cos(pose[..., 2:]), radius * np.sin(pose[..., 2:])], axis=-1)

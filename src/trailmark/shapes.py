@@ -7,15 +7,16 @@ themselves when they are made.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.arguments import brief, number_array, real, warn_of_degrees
+from trailmark.arguments import brief, number, number_array, warn_of_degrees
 from trailmark.errors import ShapeError
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "LIMIT",
     "Disc",
+    "LazyShapes",
     "Polygon",
     "Rectangle",
     "Shape",
@@ -53,10 +55,8 @@ class Disc:
     radius: float
 
     def __post_init__(self) -> None:
-        center, radius = _point(self.center, "disc: center"), _positive(self.radius, "disc: radius")
-        if center is not self.center or radius is not self.radius:
-            object.__setattr__(self, "center", center)
-            object.__setattr__(self, "radius", radius)
+        object.__setattr__(self, "center", _point(self.center, "disc: center"))
+        object.__setattr__(self, "radius", _positive(self.radius, "disc: radius"))
 
     @property
     def area(self) -> float:
@@ -97,7 +97,7 @@ class Rectangle:
         object.__setattr__(self, "center", _point(self.center, "rectangle: center"))
         object.__setattr__(self, "length", _positive(self.length, "rectangle: length"))
         object.__setattr__(self, "width", _positive(self.width, "rectangle: width"))
-        object.__setattr__(self, "heading", _number(self.heading, "rectangle: heading"))
+        object.__setattr__(self, "heading", number(self.heading, "rectangle: heading", error=ShapeError))
         warn_of_degrees(self.heading, "rectangle: heading")
 
     @property
@@ -223,14 +223,57 @@ class Polygon:
 Shape = Disc | Rectangle | Polygon
 
 
+class LazyShapes(Sequence[Shape]):
+    """Obstacles that a file or an array describes otherwise, made when one is asked for; equal to a tuple of them."""
+
+    @abstractmethod
+    def make(self) -> tuple[Shape, ...]:
+        """Return the shapes, made anew."""
+
+    def as_tuple(self) -> tuple[Shape, ...]:
+        """Return this object, which does what a tuple does, under the type that worlds state."""
+        return cast(Any, self)  # type: ignore[no-any-return]  # a tuple cannot be filled later
+
+    @cached_property
+    def shapes(self) -> tuple[Shape, ...]:
+        """The shapes, made once."""
+        return self.make()
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.shapes[index]
+
+    def __len__(self) -> int:
+        return len(self.shapes)
+
+    def __iter__(self) -> Iterator[Shape]:
+        return iter(self.shapes)
+
+    def __add__(self, others: Sequence[Shape]) -> tuple[Shape, ...]:
+        return (*self, *others)
+
+    def __radd__(self, others: Sequence[Shape]) -> tuple[Shape, ...]:
+        return (*others, *self)
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        return tuple(other) == self.shapes if isinstance(other, tuple | LazyShapes) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.shapes)
+
+    def __repr__(self) -> str:
+        return repr(self.shapes)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # They take many times the memory of what describes them.
+        return {key: value for key, value in self.__dict__.items() if key != "shapes"}
+
+
 def shapes_of(value: Any, name: str) -> tuple[Any, ...]:
     """Return the polygons that a geometry of shapely consists of; anything else, alone, as it is.
 
-    Empty geometries have no polygons, and z coordinates are left out.
-
-    Args:
-        value: a geometry, or whatever else somebody gave as a shape.
-        name: what the message calls it.
+    Empty geometries have no polygons, and z coordinates are left out. ``name`` is what the message calls it.
 
     Raises:
         ShapeError: a geometry without an area, such as a point or a line, or an invalid polygon.
@@ -324,26 +367,14 @@ def _point(value: object, name: str) -> tuple[float, float]:
         x, y = list(value)  # type: ignore[call-overload]  # the except below is the check
     except (TypeError, ValueError):
         raise ShapeError(f"{name}: expected two numbers x, y, got {brief(value)}") from None
-    point = _number(x, name), _number(y, name)
-    if max(map(abs, point)) > LIMIT:
-        raise ShapeError(f"{name}: expected coordinates of at most {LIMIT:g} m, got {brief(value)}")
-    return point
+    x, y = (number(v, name, minimum=-LIMIT, maximum=LIMIT, unit="m", error=ShapeError) for v in (x, y))
+    return x, y
 
 
 def _positive(value: object, name: str) -> float:
     if type(value) is float and 0.0 < value <= LIMIT:
         return value
-    number = _number(value, name)
-    if not 0.0 < number <= LIMIT:
-        raise ShapeError(f"{name}: expected a number above 0 and at most {LIMIT:g} m, got {number!r}")
-    return number
-
-
-def _number(value: object, name: str) -> float:
-    number = real(value)
-    if not math.isfinite(number):
-        raise ShapeError(f"{name}: expected a finite number, got {brief(value)}")
-    return number
+    return number(value, name, above=0.0, maximum=LIMIT, unit="m", error=ShapeError)
 
 
 def triangulate(polygon: Polygon) -> FloatArray:

@@ -1,5 +1,6 @@
 """What counts as touching, which is allowed: the part of a footprint that may meet no obstacle."""
 
+# Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
 import numpy as np

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.arguments import brief, each_of, one_of, real
-from trailmark.changes import Changes, Obstacles, apply, difference
-from trailmark.edits import Obstacle, changes_of_edits, obstacles_of
+from trailmark.changes import Changes, Obstacle, Obstacles, apply, changes_of_edits, difference
 from trailmark.errors import InputWarning, WorldError, expected_name
 from trailmark.estimates import ObstacleEstimate, RiskBound
 from trailmark.goals import Query
@@ -29,11 +28,23 @@ from trailmark.shapes import Polygon, Shape, shape_of, shapes_of
 from trailmark.shown import Shown
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
-__all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
+__all__ = [
+    "BOUNDS_LIMIT",
+    "KEEP_OUT",
+    "ObstacleEstimate",
+    "Query",
+    "RiskBound",
+    "Robot",
+    "World",
+    "keep_outs",
+    "with_keep_outs",
+]
 
 BOUNDS_LIMIT = 1e7
 """Metres: farther from the origin, rounding would eat up the touching tolerance of 1e-7 m."""
 
+KEEP_OUT = "keep-out zone"
+"""With its index among the world's zones, the name of the obstacle that a keep-out zone is."""
 
 _AROUND_OBSTACLES = ("bounds", "boundary", "zones")
 
@@ -85,30 +96,26 @@ class World(Shown):
     _origin: tuple[weakref.ref[World], Changes] | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        optional = {"robot": Robot, "boundary": Polygon, "risk": RiskBound, "not_certified": str}
+        kinds: dict[str, Any] = {"queries": Query, "zones": (CostZone, KeepOutZone, OneWayZone, SpeedZone)}
         one_of(self.name, str, "world: name:", error=WorldError)
         try:
-            bounds = tuple(real(v) for v in self.bounds)
+            bounds = tuple(map(real, self.bounds))
         except TypeError:
             bounds = ()
         if len(bounds) != 4 or not all(abs(v) <= BOUNDS_LIMIT for v in bounds):
-            raise WorldError(
-                f"bounds: expected four numbers xmin, ymin, xmax, ymax of at most {BOUNDS_LIMIT:g} m, got "
-                f"{brief(self.bounds)}"
-            )
+            allowed = f"four numbers xmin, ymin, xmax, ymax of at most {BOUNDS_LIMIT:g} m"
+            raise WorldError(f"bounds: expected {allowed}, got {brief(self.bounds)}")
         if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
             raise WorldError(f"bounds: expected xmin < xmax and ymin < ymax, got {list(bounds)}")
-        object.__setattr__(self, "bounds", bounds)
-        columns = obstacles_of(self.obstacles, self.ids, self.estimates, self.moving)
-        for name, column in zip(("obstacles", "ids", "estimates", "moving"), columns, strict=True):
-            object.__setattr__(self, name, column)
-        object.__setattr__(self, "boundary", shape_of(self.boundary, "boundary"))
-        kinds: dict[str, Any] = {"queries": Query, "zones": (CostZone, KeepOutZone, OneWayZone, SpeedZone)}
+        obstacles, ids, estimates, moving = Obstacles.checked(self.obstacles, self.ids, self.estimates, self.moving)
+        self.__dict__.update(bounds=bounds, obstacles=obstacles, ids=ids, estimates=estimates, moving=moving)
+        self.__dict__["boundary"] = shape_of(self.boundary, "boundary")
         for name, kind in kinds.items():
-            object.__setattr__(self, name, each_of(getattr(self, name), kind, name, error=WorldError))
-        one_of(self.robot, (Robot, type(None)), "world: robot:", hint=" (Robot.parse)", error=WorldError)
-        one_of(self.boundary, (Polygon, type(None)), "world: boundary:", error=WorldError)
-        one_of(self.risk, (RiskBound, type(None)), "world: risk:", error=WorldError)
-        one_of(self.not_certified, (str, type(None)), "world: not_certified:", error=WorldError)
+            self.__dict__[name] = each_of(getattr(self, name), kind, name, error=WorldError)
+        for name, kind in optional.items():
+            hint = " (Robot.parse)" if name == "robot" else ""
+            one_of(getattr(self, name), (kind, type(None)), f"world: {name}:", hint=hint, error=WorldError)
         if self.boundary is not None and self.boundary.holes:
             raise WorldError("boundary: expected a polygon without holes, got one with holes (make them obstacles)")
         names = [query.name for query in self.queries]
@@ -292,8 +299,8 @@ class World(Shown):
             WorldError: an unknown or duplicate identity, an obstacle named twice, or what is no obstacle; an estimate
                 or a turned estimated obstacle in a world whose obstacles are grown for a risk.
         """
-        grown = self.risk is not None
-        return self.apply(changes_of_edits(self._described(), add, remove, move or {}, replace or {}, grown))
+        edits = add, remove, move or {}, replace or {}
+        return self.apply(changes_of_edits(self._described(), *edits, grown=self.risk is not None))
 
     def difference(self, other: World) -> Changes:
         """Return what turns this world's obstacles into the other's, whatever else the two say.
@@ -350,3 +357,25 @@ class World(Shown):
         total = math.fsum(estimate.share or 0.0 for estimate in self.estimates if estimate is not None)
         if total > 1.0 + 1e-9:
             raise WorldError(f"estimates: expected shares that add up to at most 1, got {total:g}")
+
+
+def keep_outs(world: World) -> dict[str, Polygon]:
+    """Return the regions of a world's keep-out zones by their names: ``keep-out zone i``, i the index in ``zones``."""
+    return {f"{KEEP_OUT} {i}": zone.region for i, zone in enumerate(world.zones) if isinstance(zone, KeepOutZone)}
+
+
+def with_keep_outs(world: World) -> World:
+    """Return the world in which each keep-out zone is also an obstacle, the zone's name its id.
+
+    That is the world itself if it has no such zones, or if all of them stand there already.
+
+    Raises:
+        WorldError: another obstacle has such an id.
+    """
+    zones = keep_outs(world)
+    known = dict(zip(world.ids, world.obstacles, strict=True)) if zones and world.ids else {}
+    for name, region in zones.items():
+        if known.get(name, region) != region:
+            raise WorldError(f"ids: {name!r} is the name of a zone, expected another one for an obstacle")
+    missing = {name: region for name, region in zones.items() if name not in known}
+    return world.edited(add=missing) if missing else world

@@ -16,18 +16,12 @@ from trailmark.errors import WorldError
 from trailmark.se2 import wrap
 from trailmark.shapes import Polygon, shape_of
 
-__all__ = ["KEEP_OUT", "CostZone", "KeepOutZone", "OneWayZone", "SpeedZone", "Zone"]
-
-KEEP_OUT = "keep-out zone"
-"""With its index among the world's zones, the name of the obstacle that a keep-out zone is."""
-
-MIN_FACTOR, MAX_FACTOR = 0.1, 1e6
-"""Of a cost zone: with a factor of 0 a path could go on in circles for nothing."""
+__all__ = ["CostZone", "KeepOutZone", "OneWayZone", "SpeedZone", "Zone"]
 
 
 @dataclass(frozen=True)
 class _Zone:
-    """What all zones have: a kind, by which world files tell them apart, and a region."""
+    """What all zones have: a region, and a kind, by which world files tell them apart."""
 
     region: Polygon
 
@@ -46,7 +40,7 @@ class CostZone(_Zone):
 
     Attributes:
         region: a :class:`trailmark.Polygon`, or its vertices, shape (n, 2), metres.
-        factor: from 0.1 to 1e6.
+        factor: from 0.1 to 1e6: with a factor of 0 a path could go on in circles for nothing.
 
     Raises:
         ShapeError: vertices that bound no region.
@@ -58,7 +52,7 @@ class CostZone(_Zone):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check("factor", minimum=MIN_FACTOR, maximum=MAX_FACTOR)
+        self._check("factor", minimum=0.1, maximum=1e6)
 
 
 @dataclass(frozen=True)

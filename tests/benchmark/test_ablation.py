@@ -14,7 +14,7 @@ from benchmarks.ablation import CONTROL, FULL, claims, compare
 from benchmarks.problems import Case, ablation_cases
 
 from trailmark.benchmark.problems import Problem
-from trailmark.planning.settings import MECHANISMS, METHODS
+from trailmark.planning.settings import METHODS, STAGES
 
 
 def row(variant: str, problem: int, first: float | None, cost: float | None, stage: str = "first") -> dict[str, Any]:
@@ -64,7 +64,7 @@ def test_variants_are_those_that_concern_the_robot(given: list[Case]) -> None:
     assert {f"planner {name}" for name in METHODS if name != "landmark"} <= set(straight)
     # What is not ablated is what makes first paths better, not sooner.
     named = {name.removeprefix("without ") for name in {*car, *straight} if name.startswith("without ")}
-    assert set(MECHANISMS) - named == {"disc-path", "shortening", "improvement"}
+    assert set(STAGES) - named == {"disc-path", "shortening", "improvement", "roadmap"}
 
 
 @pytest.mark.slow

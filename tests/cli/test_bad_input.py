@@ -45,7 +45,7 @@ CASES = {
         ("yard.yaml --goal-tolerance 0.1,x", "METRES,RADIANS"),
         ("yard.yaml --start -3,1,0 --goal 1,1,0", "out of bounds by 3 m"),
         ("yard.yaml --robot square:1", "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or [["),
-        ("yard.yaml --robot robot_radius:0", "expected a number above 0"),
+        ("yard.yaml --robot robot_radius:0", "expected a finite number above 0"),
         ("yard.yaml --robot none.yaml", "none.yaml: cannot be read"),
         ("yard.yaml --robot bare.yaml", "bare.yaml: no robot"),
         ("yard.yaml --clearance wide", "metres, from 0"),

@@ -112,7 +112,7 @@ def test_a_plan_in_few_digits_can_be_driven(shell: Shell, yard: Path, tmp_path: 
     out = tmp_path / "plan.csv"
     assert shell("plan", yard, *options, "--output", out, "--max-iterations", "1").status == 0
     assert json.loads(shell("check", yard, out, *options, "--json").out)["undrivable"] == []
-    write_path(tmp_path / "few.csv", read_any_path(out).path.states.round(3))
+    write_path(tmp_path / "few.csv", read_any_path(out).states.round(3))
     assert json.loads(shell("check", yard, tmp_path / "few.csv", *options, "--json").out)["undrivable"] == []
 
 
@@ -127,13 +127,13 @@ def test_repair_writes_a_free_path_that_keeps_what_was_free(
     assert run.status == 0
     assert (tmp_path / "a.png").stat().st_size > 10_000
     assert shell("check", yard, out).status == 0
-    states = read_any_path(out).path.states
+    states = read_any_path(out).states
     assert states[[0, -1]].tolist() == THROUGH
     assert (states[:2, 1] == 3.0).all()  # straight on until near the disc
     assert states[1, 0] > 3.0
     again = tmp_path / "again.csv"
     assert shell("check", yard, out, "--repair", again).status == 0
-    assert np.array_equal(read_any_path(again).path.states, states)
+    assert np.array_equal(read_any_path(again).states, states)
 
 
 def test_a_start_in_collision_is_not_repaired(shell: Shell, yard: Path, paths: Any, tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ def test_given_ends_and_robot(shell: Shell, worlds: Path, tmp_path: Path) -> Non
     words = ["--robot", "disc:0.15", "--start", "1,1,-3", "--goal=5,4.5,3", "--time-limit", "0.5", "--output", file]
     run = shell("plan", worlds / "office.yaml", *words)
     assert run.status == 0, run.err
-    states = read_any_path(file).path.states
+    states = read_any_path(file).states
     np.testing.assert_allclose(states[[0, -1]], [[1.0, 1.0, -3.0], [5.0, 4.5, 3.0]])
     assert "path found" in run.out
     assert run.err == ""

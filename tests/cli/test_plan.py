@@ -216,7 +216,7 @@ def test_a_path_for_others_comes_back(shell: Shell, yard: Path, tmp_path: Path, 
     for frame in ("map", "odom"):  # the second one replaces the first
         assert shell("plan", yard, "--output", file, "--frame-id", frame).status == 0
         assert f'"{frame}"' in file.read_text()
-        np.testing.assert_allclose(read_any_path(file).path.states, STATES, atol=1e-15)
+        np.testing.assert_allclose(read_any_path(file).states, STATES, atol=1e-15)
     planner.status = "timeout"
     before = file.read_text()
     assert shell("plan", yard, "--output", file).status == 3
@@ -317,7 +317,7 @@ def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
         assert curve["turning_radius"] == 0.9
         assert record["cost"] == record["length"] == path.length
         assert record["lower_bound"] <= record["cost"] + 1e-9
-        assert np.array_equal(read_any_path(file).path.states, path.states)
+        assert np.array_equal(read_any_path(file).states, path.states)
     assert picture.stat().st_size > 10_000
 
 

@@ -78,7 +78,7 @@ def test_each_format_gives_the_same_states(tmp_path: FilePath, text: str) -> Non
     file = tmp_path / "path.anything"
     file.write_text(text)
     found = read_any_path(file)
-    np.testing.assert_allclose(found.path.states, STATES, atol=1e-15)
+    np.testing.assert_allclose(found.states, STATES, atol=1e-15)
     assert found.headings == pytest.approx(3.0)
     assert found.curve is None
 
@@ -86,7 +86,7 @@ def test_each_format_gives_the_same_states(tmp_path: FilePath, text: str) -> Non
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".path", ".txt"])
 def test_what_trailmark_writes(tmp_path: FilePath, suffix: str) -> None:
     write_path(tmp_path / f"a{suffix}", STATES)
-    assert np.array_equal(read_any_path(tmp_path / f"a{suffix}").path.states, STATES)
+    assert np.array_equal(read_any_path(tmp_path / f"a{suffix}").states, STATES)
 
 
 def test_a_car_s_curve_comes_along(tmp_path: FilePath) -> None:
@@ -99,12 +99,12 @@ def test_headings_are_reported_as_they_were_written(tmp_path: FilePath) -> None:
     (tmp_path / "a.csv").write_text("x,y,yaw\n0,0,90\n1,0,-180\n")
     found = read_any_path(tmp_path / "a.csv")
     assert found.headings == 180.0
-    assert (np.abs(found.path.states[:, 2]) <= math.pi).all()
+    assert (np.abs(found.states[:, 2]) <= math.pi).all()
 
 
 def test_a_trajectory_that_trailmark_wrote_is_a_path_too(tmp_path: FilePath) -> None:
     write_trajectory(tmp_path / "a.csv", np.arange(len(STATES)), STATES, np.zeros((len(STATES), 3)))
-    np.testing.assert_array_equal(read_any_path(tmp_path / "a.csv").path.states, STATES)
+    np.testing.assert_array_equal(read_any_path(tmp_path / "a.csv").states, STATES)
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-5, 1e200])
@@ -113,7 +113,7 @@ def test_only_the_direction_of_a_quaternion_counts(tmp_path: FilePath, scale: fl
     for entry in data["poses"]:
         entry["pose"]["orientation"] = {key: scale * value for key, value in entry["pose"]["orientation"].items()}
     (tmp_path / "a.json").write_text(json.dumps(data))
-    np.testing.assert_allclose(read_any_path(tmp_path / "a.json").path.states, STATES, atol=1e-12)
+    np.testing.assert_allclose(read_any_path(tmp_path / "a.json").states, STATES, atol=1e-12)
 
 
 def geojson(**changes: Any) -> str:
@@ -125,7 +125,7 @@ def geojson(**changes: Any) -> str:
 
 def test_a_line_with_headings_is_read(tmp_path: FilePath) -> None:
     (tmp_path / "a.geojson").write_text(geojson())
-    assert read_any_path(tmp_path / "a.geojson").path.states.tolist() == [[1.0, 2.0, 0.0], [3.0, 4.0, 0.5]]
+    assert read_any_path(tmp_path / "a.geojson").states.tolist() == [[1.0, 2.0, 0.0], [3.0, 4.0, 0.5]]
 
 
 def zeros() -> str:

@@ -44,7 +44,7 @@ ROWS = [[0.1, -2.0, 0.0], [1e-7, 3.5, math.pi]]
 def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, suffix: str, rows: list[Any]) -> None:
     file = tmp_path_factory.mktemp("paths") / f"a{suffix}"
     write_path(file, rows)
-    found = read_any_path(file).path.states
+    found = read_any_path(file).states
     expected = Path(np.array(rows if len(rows) > 1 or suffix != ".geojson" else rows * 2)).states
     assert np.array_equal(found[:, :2], expected[:, :2])
     # Messages hold quaternions.
@@ -115,7 +115,7 @@ def test_writable_paths_are_left_untouched(tmp_path: FilePath) -> None:
 
 def test_published_rows(shared_data: FilePath) -> None:
     file = shared_data / "omplapp" / "Maze_planar.path"
-    assert np.allclose(read_any_path(file).path.states, np.loadtxt(file), atol=1e-12)
+    assert np.allclose(read_any_path(file).states, np.loadtxt(file), atol=1e-12)
 
 
 STATES = np.array([[0.1, -2.0, 0.0], [1e-7, 3.5, 3.0], [1.0, 1.0, -3.0]])
@@ -169,7 +169,7 @@ def test_every_reader_of_yaml_understands_them(name: str) -> None:
 @pytest.mark.parametrize("as_json", [False, True])
 def test_paths_come_back(tmp_path: FilePath, name: str, as_json: bool) -> None:
     (tmp_path / "message").write_text(message_text(messages()[name], name, as_json=as_json))
-    found = read_any_path(tmp_path / "message").path.states
+    found = read_any_path(tmp_path / "message").states
     assert np.array_equal(found[:, :2], STATES_NAV2_MESSAGES[:, :2])
     np.testing.assert_allclose(found[:, 2], STATES_NAV2_MESSAGES[:, 2], atol=1e-15)
 

@@ -283,7 +283,10 @@ def robot(fields: str) -> str:
         ("robot: {shape: polygon, vertices: [[0, 0], [1, 1], [1, 0], [0, 1]]}", "robot: polygon: not simple"),
         (robot("center: [0, 0]"), "robot.center: unknown key"),
         *((robot(f"turning_radius: {m}"), "robot.turning_radius: ") for m in ("0", "-2.0", ".inf", ".nan", "'5'")),
-        (robot("turning_radius: 1.0e+9"), "robot: robot: expected a number above 0 and at most 10000 m, got"),
+        (
+            robot("turning_radius: 1.0e+9"),
+            "robot: robot: turning_radius: expected a finite number above 0 and at most 10000",
+        ),
         (robot("reverse: 1"), "robot.reverse: "),
         (robot("reverse: false"), "robot: robot: expected a turning radius with reverse False, got none"),
         (robot("turning_radus: 5"), "robot.turning_radus: unknown key (did you mean 'turning_radius'?)"),
@@ -316,7 +319,7 @@ def robot(fields: str) -> str:
         (disc("1, motion: 3"), "obstacles[1].motion: "),
         (disc("1, motion: {velocity: [1], until: 2}"), "obstacles[1].motion.velocity: "),
         (disc("1, motion: {velocity: [1, 0]}"), "obstacles[1].motion.until: field required"),
-        (disc("1, motion: {velocity: [1e9, 0], until: 9}"), "obstacles[1]: moving: the region swept: expected"),
+        (disc("1, motion: {velocity: [1e9, 0], until: 9}"), "obstacles[1]: moving: the region swept: polygon: "),
         (disc(f"1, estimate: {{mean: {DISC}, covariance: [[1, 0], [0, 1]], frame: r}}"), "obstacles[1].estimate.frame"),
     ],
 )

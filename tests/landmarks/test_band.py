@@ -1,4 +1,4 @@
-"""The band: samples where short paths are likely. Validity is judged by shapely, distances along the grid by scipy."""
+"""The band and retraction: samples where short paths are likely, pushed off the obstacles. Shapely judges them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples
 from trailmark.landmarks.band import Band
+from trailmark.landmarks.retraction import retract, retract_all
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -32,26 +36,25 @@ def band_of(checker: StateChecker, start: tuple[float, ...], goal: tuple[float, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
-def test_all_that_the_band_gives_is_valid(name: str) -> None:
+def test_all_that_the_band_gives_is_valid_and_the_seeds_own(name: str) -> None:
     world = random_world(5, 40, size=40.0, discs=0.3, holes=0.2)
     checker = StateChecker(world, ROBOTS[name], cell=0.2)
-    oracle = Oracle(world, ROBOTS[name])
     ends = free_samples(checker, 2, random_state=1)
     band = Band(checker, Relaxation(checker), ends[0], ends[1])
     assert np.isfinite(band.shortest)
-    rng = np.random.default_rng(2)
-    for widening in (0.02, 0.3, 1.5, np.inf):
-        q = band.samples(100, widening, rng)
-        assert 0 < len(q) <= 100
-        assert not oracle.collides(q).any()
-    near = band.samples_near(ends[0], 3.0, 100, rng)
-    assert 0 < len(near) <= 200
-    guides = band.guides(rng)[0]
-    assert len(guides) > 0
-    for found in (near, guides):
-        assert not oracle.collides(found).any()
+
+    def all_kinds(seed: int) -> list[FloatArray]:
+        rng = np.random.default_rng(seed)
+        samples = [band.samples(100, widening, rng) for widening in (0.02, 0.3, 1.5, np.inf)]
+        return [*samples, band.samples_near(ends[0], 3.0, 100, rng), band.guides(rng)[0]]
+
+    for found, again, other in zip(all_kinds(1), all_kinds(1), all_kinds(2), strict=True):
+        assert len(found) > 0
+        assert not Oracle(world, ROBOTS[name]).collides(found).any()
         assert (np.abs(found[:, 2]) <= math.pi).all()
         assert (name == "disc") == (not found[:, 2].any())
+        assert np.array_equal(found, again)
+        assert not np.array_equal(found, other)
 
 
 @pytest.mark.parametrize("widening", [0.05, 0.3, 1.0])
@@ -84,17 +87,42 @@ def test_what_is_apart_has_no_shortest_way(gap: float) -> None:
     assert band_of(checker, (5.0, 8.0, 0.0), (5.0, 2.0, 0.0)).shortest < np.inf
 
 
-def test_the_same_seed_gives_the_same_samples() -> None:
-    band = band_of(gate(1.0, Robot.rectangle(1.0, 0.6)), (5.0, 2.0, 0.0), (15.0, 2.0, 1.0))
+# --- Retraction.
 
-    def all_kinds(seed: int) -> list[FloatArray]:
-        rng = np.random.default_rng(seed)
-        return [
-            band.samples(50, 0.3, rng),
-            band.guides(rng)[0],
-            band.samples_near(np.array([9.0, 8.0, 0.1]), 1, 30, rng),
-        ]
 
-    for first, again, other in zip(all_kinds(1), all_kinds(1), all_kinds(2), strict=True):
-        assert np.array_equal(first, again)
-        assert not np.array_equal(first, other)
+@pytest.mark.slow
+@settings(max_examples=few(60))
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    world=st.integers(0, 3),
+    seed=st.integers(0, 10_000),
+    reach=st.floats(0.05, 1.0),
+    turn=st.floats(0.0, 0.5),
+)
+def test_nothing_moves_farther_than_it_may(name: str, world: int, seed: int, reach: float, turn: float) -> None:
+    clutter = random_world(world, 25, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2)
+    checker = StateChecker(clutter, ROBOTS[name], cell=0.2)
+    q = np.random.default_rng(seed).uniform((-1, -1, -math.pi), (25, 25, math.pi), (20, 3))
+    # Where a heading is half a turn, as it may be.
+    q[0, 2] = math.pi
+    for one in q:
+        moved = one.copy()
+        retract(checker.field, checker.footprint, moved, reach, turn, 0.1)
+        assert np.abs(moved[:2] - one[:2]).max() <= reach + 1e-12
+        assert abs(math.remainder(moved[2] - one[2], 2.0 * math.pi)) <= turn + 1e-12
+        assert -math.pi < moved[2] <= math.pi
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_more_become_valid(name: str) -> None:
+    world = random_world(4, 80, size=40.0, discs=0.3)
+    checker, oracle = StateChecker(world, ROBOTS[name], cell=0.1), Oracle(world, ROBOTS[name])
+    q = random_states(world, 400, np.random.default_rng(1))
+    if name == "disc":
+        q[:, 2] = 0.0
+    before = q.copy()
+    for reach in (0.2, 1.0):
+        moved = retract_all(checker, q, reach)
+        assert np.array_equal(q, before)
+        assert (~oracle.collides(moved)).sum() > (~oracle.collides(q)).sum()
+        assert name != "disc" or not moved[:, 2].any()

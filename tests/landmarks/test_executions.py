@@ -1,22 +1,38 @@
-"""Executions in a world: what is forbidden, enclosed, repaired, and that the seed decides it all."""
+"""Executions in a world, repaired centres, their spread, and how many a sensor's range needs. Shapely judges."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
+from sklearn.cluster import KMeans
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world
+from threadpoolctl import threadpool_limits
 
-from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.landmarks.executions import Execution, execute_paper, execute_se2
+from trailmark.landmarks import algorithm_1, repair_centres, spread_of_runs
+from trailmark.landmarks.executions import (
+    Execution,
+    execute_paper,
+    execute_se2,
+    landmarks_for_area,
+    landmarks_for_range,
+)
 from trailmark.library import shipped_worlds
-from trailmark.shapes import Rectangle
+from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
+FloatArray = NDArray[np.float64]
+
 YARD = (58.0, 34.0, 68.0, 42.0)  # inside the walls of environment 2
-FULL = World("full", (0.0, 0.0, 5.0, 5.0), (Rectangle((2.5, 2.5), 6.0, 6.0),), Robot.disc(0.2))
+FULL = StateChecker(World("full", (0.0, 0.0, 5.0, 5.0), (Rectangle((2.5, 2.5), 6.0, 6.0),)), Robot.disc(0.2))
 
 
 @pytest.fixture(scope="module")
@@ -25,30 +41,22 @@ def checker() -> StateChecker:
 
 
 @pytest.fixture(scope="module")
-def room() -> StateChecker:
-    """A small world, where sensing takes no time."""
-    walls = (Rectangle((3.0, 2.0), 1.0, 2.0), Rectangle((6.0, 4.0), 2.0, 1.0))
-    return StateChecker(World("room", (0.0, 0.0, 8.0, 6.0), walls, Robot.disc(0.3)))
-
-
-@pytest.fixture(scope="module")
 def plain(checker: StateChecker) -> Execution:
     return execute_paper(checker, 1000, 14, random_state=0, start=start(checker))
 
 
-def start(checker: StateChecker) -> se2.FloatArray:
+def start(checker: StateChecker) -> FloatArray:
     return np.array(checker.world.queries[0].start)
 
 
-def test_environment_2_is_half_c_obstacle(checker: StateChecker) -> None:
-    rng = np.random.default_rng(0)
-    q = rng.uniform((0.0, 0.0, -np.pi), (100.0, 80.0, np.pi), (20_000, 3))
-    assert checker.world.bounds == (0.0, 0.0, 100.0, 80.0)
-    assert 0.48 < 1.0 - checker.valid(q).mean() < 0.52
+# --- Executions.
 
 
 @pytest.mark.slow
 def test_grown_boxes_leave_out_the_points_of_the_c_obstacle(checker: StateChecker, plain: Execution) -> None:
+    q = np.random.default_rng(0).uniform((0.0, 0.0, -np.pi), (100.0, 80.0, np.pi), (20_000, 3))
+    assert checker.world.bounds == (0.0, 0.0, 100.0, 80.0)
+    assert 0.48 < 1.0 - checker.valid(q).mean() < 0.52
     grown = execute_paper(checker, 1000, 14, random_state=0, start=start(checker), grown=True)
     radius = checker.robot.inscribed_disc.radius
     assert np.allclose(grown.boxes - plain.boxes, [-radius, -radius, radius, radius])
@@ -65,17 +73,14 @@ def test_grown_boxes_leave_out_the_points_of_the_c_obstacle(checker: StateChecke
 
 @pytest.mark.slow
 def test_the_source_method_in_environment_2(checker: StateChecker, plain: Execution) -> None:
-    found = plain
-    points = shapely.points(found.samples)
+    found, points = plain, shapely.points(plain.samples)
     solid = shapely.union_all([shape.polygon(1e-3).shapely() for shape in checker.world.obstacles])
     # The boxes hold the obstacles, but for the noise of the readings and what no pose saw of their outlines.
-    deep = shapely.contains(shapely.buffer(solid, -0.3), points)
-    assert found.forbidden[deep].all()
+    assert found.forbidden[shapely.contains(shapely.buffer(solid, -0.3), points)].all()
     assert np.array_equal(found.enclosed, found.enclosed & shapely.contains(shapely.box(*YARD), points))
     deep_inside = shapely.contains(shapely.box(*YARD).buffer(-0.2), points)
-    assert np.array_equal(found.forbidden[deep_inside], np.ones(deep_inside.sum(), dtype=bool))
+    assert found.forbidden[deep_inside].all()
     assert found.enclosed.sum() >= deep_inside.sum() > 0
-    assert len(found.boxes) == len(checker.world.obstacles)
     for shape, box in zip(checker.world.obstacles, found.boxes, strict=True):
         assert np.abs(np.array(box) - shape.bounding_box()).max() < 1.3
     # K-means knows no obstacles: some centres lie in them; what stands in for the centres does not.
@@ -88,6 +93,7 @@ def test_the_source_method_in_environment_2(checker: StateChecker, plain: Execut
     assert found.seconds > 0.0
 
 
+@pytest.mark.slow
 def test_trailmarks_own_in_environment_2(checker: StateChecker) -> None:
     found = execute_se2(checker, 1000, 14, random_state=0, start=start(checker))
     assert np.array_equal(found.forbidden & ~found.enclosed, ~checker.valid(found.samples))
@@ -100,29 +106,214 @@ def test_trailmarks_own_in_environment_2(checker: StateChecker) -> None:
     gaps = cdist(kept[:, :2], found.centres[:, :2])  # a disc: headings count for nothing
     assert np.array_equal(found.labels, np.argmin(gaps, axis=1))
     assert found.inertia == pytest.approx(float((gaps.min(axis=1) ** 2).sum()))
-
-
-@pytest.mark.slow
-def test_a_start_in_an_obstacle_tells_nothing(checker: StateChecker) -> None:
+    # A start in an obstacle tells nothing; the yard does not reach the edge: the source method leaves it out even so.
     blocked = np.array([42.0, 43.0, 0.0])
-    assert not checker.valid(blocked)
-    # The yard does not reach the edge of the region, so it is enclosed even so; for trailmark's own it is a place.
     assert execute_paper(checker, 1000, 14, random_state=0, start=blocked).enclosed.any()
     assert not execute_se2(checker, 1000, 14, random_state=0, start=blocked).enclosed.any()
 
 
-def test_no_room() -> None:
-    full = StateChecker(FULL)
-    with pytest.raises(ConfigurationError, match="world 'full': empty free space: no place for the robot was found"):
-        execute_paper(full, 100, 3, random_state=0)
-    with pytest.raises(ConfigurationError, match="k: empty free space: 0 of 100 samples drawn are valid"):
-        execute_se2(full, 100, 3, random_state=0)
-
-
 @pytest.mark.slow
-def test_counts_out_of_range(room: StateChecker) -> None:
+def test_no_room_and_counts_out_of_range() -> None:
+    with pytest.raises(ConfigurationError, match="world 'full': empty free space: no place for the robot was found"):
+        execute_paper(FULL, 100, 3, random_state=0)
+    with pytest.raises(ConfigurationError, match="k: empty free space: 0 of 100 samples drawn are valid"):
+        execute_se2(FULL, 100, 3, random_state=0)
+    walls = (Rectangle((3.0, 2.0), 1.0, 2.0), Rectangle((6.0, 4.0), 2.0, 1.0))
+    room = StateChecker(World("room", (0.0, 0.0, 8.0, 6.0), walls, Robot.disc(0.3)))
     for method in (execute_paper, execute_se2):
         with pytest.raises(ConfigurationError, match="n: expected 1 or more, got 0"):
             method(room, 0, 3, random_state=0)
         with pytest.raises(ConfigurationError, match=r"k: expected 1 to \d+, got 101: \d+ of 100"):
             method(room, 100, 101, random_state=0)
+
+
+# --- Repair.
+
+WORLD = World(
+    "room",
+    (0.0, 0.0, 20.0, 12.0),
+    (
+        Disc((5.0, 5.0), 2.0),
+        Rectangle((12.0, 3.0), 4.0, 1.0, 0.4),
+        Polygon(np.array([[14, 6], [18, 6], [18, 11], [17, 11], [17, 7], [14, 7]])),
+        Rectangle((10.0, 9.0), 6.0, 0.5),
+        Rectangle((10.0, 10.2), 6.0, 0.5),  # a gap of 0.7 m between the two, which only some headings fit
+    ),
+    boundary=Polygon(np.array([[0, 0], [20, 0], [20, 12], [4, 12], [0, 8]])),
+)
+assert WORLD.boundary is not None
+FREE = WORLD.boundary.shapely().difference(shapely.union_all([s.polygon(1e-5).shapely() for s in WORLD.obstacles]))
+LOOSE, TIGHT = FREE.buffer(1e-3), FREE.buffer(-1e-4)
+shapely.prepare([LOOSE, TIGHT])
+STANDING = [Robot.disc(0.4), Robot.rectangle(1.6, 0.6), Robot.polygon([[-0.3, -0.2], [1.2, -0.2], [1.2, 0.3]])]
+
+
+def body(robot: Robot, q: FloatArray) -> shapely.Geometry:
+    if isinstance(robot.footprint, Disc):
+        return shapely.Point(q[:2]).buffer(robot.footprint.radius, quad_segs=64)
+    placed = shapely.affinity.rotate(robot.outline.shapely(), q[2], (0, 0), use_radians=True)
+    return shapely.affinity.translate(placed, q[0], q[1])
+
+
+def fits(robot: Robot, place: FloatArray) -> bool:
+    """Is there a heading, of those that are tried, at which the robot fits with room to spare?"""
+    headings = [0.0] if isinstance(robot.footprint, Disc) else np.linspace(-math.pi, math.pi, 72, endpoint=False)
+    return any(TIGHT.contains(body(robot, np.array([*place, heading]))) for heading in headings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", STANDING, ids=Robot.describe)
+def test_repaired_centres_are_valid_and_the_nearest(robot: Robot) -> None:
+    centres, samples = (np.random.default_rng(i).uniform((0, 0), (20, 12), (n, 2)) for i, n in enumerate((40, 200)))
+    found = repair_centres(StateChecker(WORLD, robot), centres, samples)
+    assert all(LOOSE.contains(body(robot, q)) for q in found.configurations)
+    points = shapely.points(centres)
+    sure = shapely.distance(points, FREE.boundary) > 1e-4
+    assert np.array_equal(found.in_obstacle[sure], ~shapely.contains(FREE, points)[sure])
+    assert 3 < found.in_obstacle.sum() < 30
+    for q, centre, invalid in zip(found.configurations, centres, found.invalid, strict=True):
+        if not invalid:
+            assert np.array_equal(q[:2], centre)
+            continue
+        assert not fits(robot, centre)
+        assert np.hypot(*(samples - q[:2]).T).min() == 0.0
+        nearer = samples[np.hypot(*(samples - centre).T) < np.hypot(*(q[:2] - centre)) - 1e-9]
+        assert not any(fits(robot, place) for place in nearer)
+
+
+def test_a_centre_in_a_gap_and_one_far_from_all_good_samples() -> None:
+    found = repair_centres(StateChecker(WORLD, STANDING[1]), [[10.0, 9.6]], [[1.0, 1.0]])
+    assert not found.invalid[0]
+    assert abs(math.sin(found.configurations[0, 2])) < 0.1
+    checker = StateChecker(WORLD, STANDING[0])
+    samples = np.vstack([np.random.default_rng(0).uniform(4.5, 5.5, (400, 2)), [[19.0, 1.0]]])
+    assert repair_centres(checker, [[5.0, 5.0]], samples).configurations.tolist() == [[19.0, 1.0, 0.0]]
+    with pytest.raises(ConfigurationError, match=r"samples: expected one at which the robot \(disc 0.4 m\) can stand"):
+        repair_centres(checker, [[5.0, 5.0]], [[5.0, 5.1]])
+    for centres, others, said in (([[5.0, 5.0, 0.0]], [[5.0, 5.1]], r"\(1, 3\)"), ([[5.0, 5.0]], [], r"\(0,\)")):
+        with pytest.raises(ConfigurationError, match=rf": expected shape \(n, 2\), .* got {said}"):
+            repair_centres(checker, centres, others)
+
+
+# --- Spread.
+
+
+def test_spread_over_runs() -> None:
+    runs = [np.array(run) for run in ([[0.0, 0], [10, 0]], [[10.0, 1], [0, 0]], [[0.0, 3], [10, 0]])]
+    spread = spread_of_runs(runs)
+    assert spread.pairs.tolist() == [[0, 1], [0, 2], [1, 2]]
+    assert spread.rms == pytest.approx(np.sqrt([0.5, 4.5, 5.0]))
+    assert (spread.mean, spread.worst) == pytest.approx((np.sqrt([0.5, 4.5, 5.0]).mean(), np.sqrt(5.0)))
+    # Separate clumps give stable centres, uniform points do not.
+    rng = np.random.default_rng(0)
+    corners = np.repeat([[0.0, 0.0], [50.0, 0.0], [0.0, 50.0], [50.0, 50.0]], 100, axis=0)
+    clumps = [algorithm_1(corners + rng.normal(0.0, 1.0, (400, 2)), 4, "k-means++", i).centres for i in range(4)]
+    uniform = [algorithm_1(rng.uniform(0.0, 50.0, (400, 2)), 7, "forgy", i).centres for i in range(4)]
+    assert spread_of_runs(clumps).worst < 0.5
+    assert spread_of_runs(uniform).mean > 2.0
+
+
+@pytest.mark.parametrize(
+    ("runs", "problem"),
+    [
+        ([], "spread of runs: expected 1 run or more, got none"),
+        ([np.ones((3, 2)), np.ones((3, 3))], r"got \(3, 2\) and \(3, 3\)"),
+        ([np.ones((3, 2)), np.empty((0, 2))], r"got \(3, 2\) and \(0, 2\)"),
+        ([np.ones(3), np.ones(3)], r"got \(3,\)"),
+        ([np.ones((3, 2)), np.full((3, 2), np.nan)], "centres: hold a value that is not a finite number"),
+    ],
+)
+def test_bad_runs(runs: list[FloatArray], problem: str) -> None:
+    with pytest.raises(ConfigurationError, match=problem):
+        spread_of_runs(runs)
+
+
+# --- The sensor's range: the closed form against geometry, the promise against scikit-learn's centres.
+
+
+def open_world(width: float = 40.0, height: float = 40.0, radius: float = 0.5) -> StateChecker:
+    """A world without obstacles whose free area is width x height for the disc's centre."""
+    bounds = (-radius, -radius, width + radius, height + radius)
+    return StateChecker(World("open", bounds), Robot.disc(radius))
+
+
+OPEN = open_world()
+
+
+@pytest.mark.parametrize("probability", [0.01, 0.3, 0.85, 0.9, 0.95, 0.99, 0.9999])
+def test_a_hexagon_has_that_share_within_range(probability: float) -> None:
+    area, reach = 1e6, 3.0
+    side = math.sqrt(area / landmarks_for_area(area, reach, probability) / (1.5 * math.sqrt(3.0)))
+    angles = np.arange(6) * (math.pi / 3.0)
+    cell = shapely.Polygon(side * np.column_stack([np.cos(angles), np.sin(angles)]))
+    covered = cell.intersection(shapely.Point(0, 0).buffer(reach, quad_segs=2000)).area / cell.area
+    # One landmark less would not do, and k is large: the share is met to a rounding.
+    assert covered == pytest.approx(probability, abs=1e-4)
+
+
+def share_in_range(places: FloatArray, k: int, reach: float, seed: int) -> float:
+    """The share of the places within range of scikit-learn's centres of 1,000 others."""
+    mixed = np.random.default_rng(seed).permutation(places)
+    with threadpool_limits(1):  # more threads than free cores would wait for one another
+        centres = KMeans(k, init="random", n_init=1, random_state=seed).fit(mixed[:1000]).cluster_centers_
+    return float((cdist(mixed[1000:], centres).min(axis=1) <= reach).mean())
+
+
+CASES = {
+    "open, small share": (OPEN, 3.5, 0.5),
+    "office": (StateChecker(World.load(shipped_worlds()["office"])), 3.0, 0.95),
+    "random": (StateChecker(random_world(2, 250, discs=0.4, boundary=True), ROBOTS["rectangle"]), 14.0, 0.99),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_the_share_in_range_is_as_promised(name: str) -> None:
+    checker, reach, probability = CASES[name]
+    k = landmarks_for_range(checker, reach, probability, random_state=1)
+    rng, oracle, places = np.random.default_rng(2), Oracle(checker.world, checker.robot), np.empty((0, 2))
+    while len(places) < 3000:
+        q = random_states(checker.world, 2500, rng)
+        places = np.vstack([places, q[~oracle.collides(q)][:, :2]])
+    shares = np.array([share_in_range(places, k, reach, seed) for seed in range(4)])
+    error = max(shares.std(ddof=1) / 2.0, math.sqrt(probability * (1.0 - probability) / len(places)))
+    assert shares.mean() >= probability - 3.0 * error
+    # Nor is it far too many, although these centres may lie in obstacles: two thirds would not do.
+    assert share_in_range(places, 2 * k // 3, reach, 0) < probability
+
+
+@pytest.mark.slow
+def test_a_corridor_takes_a_row_and_what_is_enclosed_none() -> None:
+    reach, probability = 6.0, 0.9
+    k = landmarks_for_range(open_world(100.0, 0.05, radius=0.25), reach, probability, random_state=2)
+    # Each landmark has 2 r of the length at best; areas know nothing of that.
+    assert probability * 100.0 / (2.0 * reach) <= k <= 1.35 * 100.0 / (2.0 * reach)
+    assert landmarks_for_area(5.0, reach, probability) == 1
+    outer, inner = (np.array(shapely.box(a, a, b, b).exterior.coords[:-1]) for a, b in ((10, 39), (11, 38)))
+    checker = StateChecker(World("ring", (0, 0, 40, 40), (Polygon(outer, (inner,)),)), Robot.disc(0.5))
+    inside = landmarks_for_range(checker, 6.0, reachable_from=np.array([5.0, 5.0, 0.0]), random_state=6)
+    assert inside < landmarks_for_range(checker, 6.0, random_state=6)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        *(lambda reach=reach: landmarks_for_area(1.0, reach) for reach in (0.0, -1.0, math.nan, math.inf, 1e-200)),
+        *(lambda reach=reach: landmarks_for_range(OPEN, reach) for reach in (0.0, math.nan, 0.01)),
+        *(lambda p=p: landmarks_for_range(OPEN, 1.0, p) for p in (0.0, 1.0, 0.99999, math.nan)),
+        lambda: landmarks_for_area(1.0, 1.0, 1.0),
+        lambda: landmarks_for_area(0, 1.0),
+    ],
+)
+def test_bad_ranges_are_told_in_one_line(call: Callable[[], object]) -> None:
+    with pytest.raises(ConfigurationError, match=r"^[^\n]*expected [^\n]*got [^\n]*$"):
+        call()
+
+
+@pytest.mark.slow
+def test_no_free_space() -> None:
+    with pytest.raises(ConfigurationError, match=r"^world 'full': no free place for the robot was found$"):
+        landmarks_for_range(FULL, 1.0, random_state=1)
+    tight = StateChecker(World("tight", (0, 0, 10, 10), (Rectangle((5.505, 5), 8.99, 10),)), Robot.disc(0.5))
+    with pytest.raises(ConfigurationError, match=r"'tight': expected more free places .* of 0.999, found \d+$"):
+        landmarks_for_range(tight, 1.0, 0.999, random_state=1)

@@ -1,28 +1,36 @@
-"""Samples: where they lie, that they are valid, and that a seed decides them. Validity is judged by shapely."""
+"""Samples and K-means landmarks: where they lie and how they spread, by shapely and scipy; and that a seed decides."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 from tests.helpers.oracle import Oracle
 from tests.helpers.random_worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.landmarks import draw, free_samples
+from trailmark.landmarks import draw, free_samples, k_means_landmarks
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
+FloatArray = NDArray[np.float64]
+
 BOUNDS = (-3.0, 2.0, 5.0, 18.0)
-METHODS = ("uniform", "halton")
+METHODS: tuple[Any, ...] = ("uniform", "halton")
+FULL = StateChecker(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4, 4),)), Robot.disc(0.5))
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_seed_decides_the_draws_and_a_generator_goes_on(method: str) -> None:
-    def draws(state: int | np.random.Generator | None) -> NDArray[np.float64]:
-        return draw(BOUNDS, 50, method=method, random_state=state)  # type: ignore[arg-type]  # a parameter of the test
+def test_a_seed_decides_the_draws_and_a_generator_goes_on(method: Any) -> None:
+    def draws(state: int | np.random.Generator | None) -> FloatArray:
+        return draw(BOUNDS, 50, method=method, random_state=state)
 
     assert np.array_equal(draws(7), draws(7))
     assert not np.array_equal(draws(7), draws(8))
@@ -33,31 +41,31 @@ def test_a_seed_decides_the_draws_and_a_generator_goes_on(method: str) -> None:
 
 
 def test_bad_arguments_are_named() -> None:
+    other: Any = "halten"
     with pytest.raises(ConfigurationError, match=r"expected halton, uniform, got 'halten' \(did you mean 'halton'\?\)"):
-        draw(BOUNDS, 3, method="halten")  # type: ignore[arg-type]  # wrong on purpose
-    with pytest.raises(ConfigurationError, match="expected 0 or more, got -1"):
-        draw(BOUNDS, -1)
-    checker = StateChecker(World("empty", BOUNDS), Robot.disc(0.5))
+        draw(BOUNDS, 3, method=other)
     for n in (0, 5):
-        with pytest.raises(ConfigurationError, match="got 'sobol'"):
-            free_samples(checker, n, method="sobol")  # type: ignore[arg-type]  # wrong on purpose
+        with pytest.raises(ConfigurationError, match="got 'halten'"):
+            free_samples(FULL, n, method=other)
     with pytest.raises(ConfigurationError, match="expected 0 or more, got -2"):
-        free_samples(checker, -2)
+        draw(BOUNDS, -2)
+    with pytest.raises(ConfigurationError, match="expected 0 or more, got -2"):
+        free_samples(FULL, -2)
+    for k in (0, -3):
+        with pytest.raises(ConfigurationError, match=f"expected 1 or more, got {k}"):
+            k_means_landmarks(clumped(20, 1), k, radius=1.0)
 
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", ROBOTS)
-def test_free_samples_are_valid(name: str, method: str) -> None:
+def test_free_samples_are_valid(name: str, method: Any) -> None:
     world = random_world(3, 60, size=50.0, discs=0.3, holes=0.3, boundary=True)
     checker = StateChecker(world, ROBOTS[name])
-    q = free_samples(checker, 300, method=method, random_state=4)  # type: ignore[arg-type]  # a parameter of the test
-    assert q.shape == (300, 3)
+    q, again, other = (free_samples(checker, 300, method=method, random_state=seed) for seed in (4, 4, 5))
+    assert q.shape == np.unique(q, axis=0).shape == (300, 3)
     assert not Oracle(world, ROBOTS[name]).collides(q).any()
-    assert len(np.unique(q, axis=0)) == 300
     assert (name == "disc") == (not q[:, 2].any())
-    again = free_samples(checker, 300, method=method, random_state=4)  # type: ignore[arg-type]  # as above
     assert np.array_equal(q, again)
-    other = free_samples(checker, 300, method=method, random_state=5)  # type: ignore[arg-type]  # as above
     assert not np.array_equal(q, other)
 
 
@@ -71,45 +79,84 @@ def test_free_samples_reach_every_part_of_free_space() -> None:
 
 
 def test_what_is_enclosed_is_left_out() -> None:
-    ring = Polygon(
-        np.array([[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]]),
-        (np.array([[12.0, 12.0], [28.0, 12.0], [28.0, 28.0], [12.0, 28.0]]),),
-    )
+    outer, inner = (np.array(shapely.box(a, a, b, b).exterior.coords[:-1]) for a, b in ((10, 30), (12, 28)))
+    ring = Polygon(outer, (inner,))
     checker = StateChecker(World("ring", (0, 0, 40, 40), (ring, Disc((20.0, 20.0), 2.0))), Robot.rectangle(1.5, 1.0))
-    inside = shapely.box(12, 12, 28, 28)
 
-    def share(start: tuple[float, float, float] | None) -> float:
-        at = None if start is None else np.array(start)
-        q = free_samples(checker, 500, reachable_from=at, random_state=2)
+    def share(start: FloatArray | None) -> float:
+        q = free_samples(checker, 500, reachable_from=start, random_state=2)
         assert len(q) == 500
-        return float(shapely.contains_xy(inside, q[:, 0], q[:, 1]).mean())
+        return float(shapely.contains_xy(shapely.Polygon(inner), q[:, 0], q[:, 1]).mean())
 
     assert 0.05 < share(None) < 0.95
-    assert share((5.0, 5.0, 1.0)) == 0.0
-    assert share((15.0, 15.0, 1.0)) == 1.0
-
-
-def test_none_wanted_or_none_found() -> None:
-    tight = StateChecker(World("tight", (0, 0, 1.1, 1.1)), Robot.disc(0.5))
-    assert free_samples(tight, 0).shape == (0, 3)
-    few = free_samples(tight, 10, random_state=1, max_draws=30)
-    assert len(few) < 10
-    assert (np.abs(few[:, :2] - 0.55) <= 0.05 + 1e-7).all()
-    full = StateChecker(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4, 4),)), Robot.disc(0.5))
-    assert free_samples(full, 10, random_state=1).shape == (0, 3)
+    assert share(np.array([5.0, 5.0, 1.0])) == 0.0
+    assert share(np.array([15.0, 15.0, 1.0])) == 1.0
 
 
 def test_draws_end_where_they_are_told_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    checker = StateChecker(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4, 4),)), Robot.disc(0.5))
+    assert free_samples(FULL, 0).shape == free_samples(FULL, 10, random_state=1).shape == (0, 3)
     seen: list[int] = []
 
-    def none_valid(q: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def none_valid(q: FloatArray) -> NDArray[np.bool_]:
         seen.append(len(q))
         return np.zeros(len(q), np.bool_)
 
-    monkeypatch.setattr(checker, "valid", none_valid)
-    free_samples(checker, 10, random_state=1)
-    assert sum(seen) == 500
-    seen.clear()
-    free_samples(checker, 10, random_state=1, max_draws=77)
-    assert sum(seen) == 77
+    monkeypatch.setattr(FULL, "valid", none_valid)
+    for most, drawn in ((None, 500), (77, 77)):
+        seen.clear()
+        free_samples(FULL, 10, random_state=1, max_draws=most)
+        assert sum(seen) == drawn
+
+
+# --- K-means.
+
+
+def clumped(n: int, seed: int) -> FloatArray:
+    """Samples of which half lie in a tenth of the region."""
+    q = np.random.default_rng(seed).uniform((0.0, 0.0, -np.pi), (10.0, 10.0, np.pi), (n, 3))
+    q[: n // 2, :2] = 4.0 + 0.1 * q[: n // 2, :2]
+    return q
+
+
+def inertia(q: FloatArray, landmarks: FloatArray, radius: float) -> float:
+    """Sum of the squared distances of the samples to their nearest landmark."""
+    one, other = (
+        np.column_stack([p[:, :2], radius * np.cos(p[:, 2]), radius * np.sin(p[:, 2])]) for p in (q, landmarks)
+    )
+    return float((cdist(one, other).min(axis=1) ** 2).sum())
+
+
+@pytest.mark.slow
+@settings(max_examples=50)
+@given(n=st.integers(1, 60), k=st.integers(1, 80), radius=st.sampled_from([0.0, 0.5, 3.0]), seed=st.integers(0, 999))
+def test_landmarks_are_samples_and_no_two_the_same(n: int, k: int, radius: float, seed: int) -> None:
+    q = clumped(n, seed)
+    found = k_means_landmarks(q, k, radius=radius, random_state=seed)
+    rows = {tuple(row) for row in found.tolist()}
+    assert len(rows) == len(found)
+    assert rows <= {tuple(row) for row in q.tolist()}
+    # Two centres seldom have the same nearest sample.
+    assert max(1, 0.5 * min(k, n)) <= len(found) <= min(k, n)
+    assert np.array_equal(found, k_means_landmarks(q, k, radius=radius, random_state=np.random.default_rng(seed)))
+    if k >= n:
+        assert np.array_equal(found, q)
+        assert not np.shares_memory(found, q)
+
+
+@pytest.mark.parametrize("radius", [0.0, 2.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_landmarks_spread_better_than_a_random_subset(seed: int, radius: float) -> None:
+    q, rng = clumped(1000, seed), np.random.default_rng(seed)
+    found = inertia(q, k_means_landmarks(q, 50, radius=radius, random_state=seed), radius)
+    chance = [inertia(q, q[rng.choice(1000, 50, replace=False)], radius) for _ in range(20)]
+    assert found < min(chance)
+    assert found < 0.9 * np.mean(chance)
+
+
+def test_without_a_number_of_steps_no_sample_changes_its_cluster_any_more() -> None:
+    # Two tight clusters and a bad start: one step is not enough, convergence finds the middles.
+    q = np.zeros((100, 3))
+    q[:, 0] = np.concatenate([np.linspace(0.0, 1.0, 90), np.linspace(9.0, 10.0, 10)])
+    for seed in range(10):
+        found = k_means_landmarks(q, 2, radius=0.0, random_state=seed)
+        assert np.sort(found[:, 0]) == pytest.approx([0.5, 9.5], abs=0.06)

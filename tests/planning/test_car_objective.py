@@ -53,16 +53,6 @@ def test_changes_of_direction_are_what_a_driver_avoids_by_default(paid: PlanResu
 
 
 @pytest.mark.slow
-def test_the_factor_decides_whether_a_car_turns_round() -> None:
-    # Straight back, or round by a three-point turn.
-    start, goal = np.array([16.0, 5.5, 0.0]), np.array([4.0, 5.5, 0.0])
-    result = planned(Objective(reverse=1.2), start, goal)
-    assert isinstance(result.path, CurvePath)
-    assert result.path.reverse_length == pytest.approx(12.0)
-    assert result.cost == pytest.approx(14.4)
-
-
-@pytest.mark.slow
 def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
     planner, before = LandmarkPlanner(WORLD, seed=0, landmarks=50), paid.path
     assert before is not None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path as File
-
 import numpy as np
 import pytest
 from tests.helpers.oracle import Oracle, motion_states
@@ -13,15 +11,11 @@ from tests.support.trials import few
 
 from trailmark import check_path
 from trailmark.collision import StateChecker
-from trailmark.collision.kernels import UNDECIDED
 from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError, ShapeError, TrailmarkError
 from trailmark.landmarks import free_samples
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs.enclosure import enclosed
-from trailmark.planning.settings import PlannerSettings
-from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
@@ -115,30 +109,6 @@ def test_a_gap_as_wide_as_the_robot_and_its_clearance(robot: Robot) -> None:
 
 
 @pytest.mark.slow
-def test_proofs_with_headings_know_of_the_clearance() -> None:
-    # The robot fits the bend only without a clearance; its inscribed disc fits in any case.
-    parts = (Rectangle((2.25, 3.5), 4.5, 5.0), Rectangle((3.0, 0.0), 6.0, 0.6), Rectangle((5.75, 3.0), 0.5, 6.0))
-    world = World("bend", (0, 0, 6, 6), parts)
-    robot, ends = Robot.rectangle(1.4, 0.3), ((1.0, 0.65, 0.0), (5.0, 5.0, np.pi / 2))
-    assert LandmarkPlanner(world, robot, seed=1, settings=QUICK).plan(*ends, 20.0, gap=np.inf).status == "solved"
-    assert not enclosed(StateChecker(world, robot), *ends, seconds=1.0)
-    assert enclosed(StateChecker(world, robot, clearance=0.15), *ends, seconds=120.0)
-
-
-@pytest.mark.slow
-def test_lower_bounds_rise_with_the_clearance() -> None:
-    world = World("block", (0, 0, 10, 10), (Rectangle((5.0, 5.0), 4.0, 6.0), Disc((5.0, 9.5), 0.5)))
-    costs = []
-    for clearance in (0.0, 0.2, 0.5):
-        result = LandmarkPlanner(world, Robot.disc(0.3), clearance=clearance, seed=1).plan((1, 5, 0), (9, 5, 0), 1.0)
-        assert result.cost is not None
-        assert result.lower_bound is not None
-        assert result.lower_bound <= result.cost <= 1.01 * result.lower_bound
-        costs.append(result.lower_bound)
-    assert costs[0] + 0.1 < costs[1] < costs[2] - 0.1
-
-
-@pytest.mark.slow
 def test_updates_and_replanned_paths_keep_the_clearance() -> None:
     start, goal = (1.0, 3.0, 0.0), (9.0, 3.0, 0.0)
     world = World("open", (0, 0, 10, 6), (), ids=())
@@ -158,21 +128,6 @@ def test_updates_and_replanned_paths_keep_the_clearance() -> None:
     out = planner.replan((3.0, 2.25, 0.0), goal, first.path, 1.0, escape=True)
     assert out.path is not None
     assert least(planner.world, CAR, Path(out.path.states[out.escape :])) >= 0.3 - ALLOWED
-
-
-@pytest.mark.slow
-def test_queries_answered_together_and_saved_roadmaps_keep_the_clearance(tmp_path: File) -> None:
-    settings = PlannerSettings(patience=1, probes=40, max_spread_landmarks=400)
-    planner = LandmarkPlanner(door(1.2), CAR, clearance=0.2, seed=1, settings=settings)
-    starts, goals = [(1.0, 3.0, 0.0), (1.0, 1.0, 1.0)], [(9.0, 3.0, 0.0), (9.0, 5.0, 2.0)]
-    for result in planner.plan_many(starts, goals, 2.0):
-        assert result.path is not None
-        assert least(door(1.2), CAR, result.path) >= 0.2 - ALLOWED
-    file = tmp_path / "roadmap.npz"
-    planner.roadmap.save(file)
-    same, other = (Roadmap.load(file, StateChecker(door(1.2), CAR, clearance=m)) for m in (0.2, 0.1))
-    assert (same.status != UNDECIDED).all()
-    assert (other.status == UNDECIDED).all()
 
 
 @pytest.mark.slow

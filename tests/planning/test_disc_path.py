@@ -17,7 +17,7 @@ from tests.helpers.random_worlds import random_world
 from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker
-from trailmark.planning.disc_path import disc_path
+from trailmark.planning.pipeline import disc_path
 from trailmark.planning.proofs import LowerBound
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -118,15 +118,6 @@ def test_gaps_are_taken_with_little_to_spare_and_missed_with_none() -> None:
         world = World("slit", (0.0, 0.0, 20.0, 10.0), walls)
         way = judged(world, 0.5, start, goal)
         assert length(way) == pytest.approx(16.0 if found else 0.0)
-
-
-def test_from_a_place_in_contact_no_way_is_found() -> None:
-    world = World("open", (0.0, 0.0, 20.0, 20.0), (Disc((10.0, 10.0), 2.0),))
-    inside = np.array([3.0, 3.0])
-    for contact in ((1.0, 8.0), (10.0, 13.0), (1.0, 1.0), (19.0, 19.0)):
-        assert StateChecker(world, Robot.disc(1.0)).valid([*contact, 0.0])
-        assert len(judged(world, 1.0, np.array(contact), inside)) == 0
-        assert len(judged(world, 1.0, inside, np.array(contact))) == 0
 
 
 def test_ways_lead_through_holes_and_stay_within_boundaries() -> None:

@@ -110,22 +110,6 @@ def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reve
     assert met > few(20)
 
 
-def test_a_differential_drive_with_its_nose_in_a_wall_touches_nothing_else() -> None:
-    # Above it a post stands that turning to drive straight away from the wall would meet.
-    wall, post = Rectangle((10.0, 1.0), 20.0, 2.0), Rectangle((5.0, 2.69), 0.2, 0.2)
-    world = World("w", (0.0, 0.0, 20.0, 10.0), (wall, post))
-    robot = Robot.rectangle(1.0, 0.4).differential(reverse=True)
-    start, goal = np.array([5.0, 2.239, -0.1]), np.array([3.0, 6.0, 0.0])
-    planner = LandmarkPlanner(world, robot, seed=0)
-    assert not planner.checker.valid(start)
-    result = planner.replan(start, goal, Path(np.array([start, goal])), time_limit=5.0, escape=True)
-    assert result.path is not None
-    assert result.escape == 1
-    states = result.path.resample(0.01).states
-    assert Penetration(robot.footprint, post).at(states).max() == 0.0
-    assert Penetration(robot.footprint, wall).at(states).max() == Penetration(robot.footprint, wall).at(states[:1])[0]
-
-
 def test_there_may_be_no_way_out() -> None:
     full = World("full", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 5.0), 10.0, 10.0),))
     assert way_out(StateChecker(full, ROBOTS["disc"]), np.array([5.0, 5.0, 0.0])) is None

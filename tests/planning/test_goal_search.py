@@ -16,14 +16,13 @@ from trailmark import (
     LandmarkPlanner,
     PlannerSettings,
     PlanResult,
-    ReachedGoal,
     Rectangle,
     Robot,
     World,
 )
 from trailmark.benchmark.referee import Referee
 from trailmark.errors import ConfigurationError
-from trailmark.planning.single_query import GAP
+from trailmark.planning.query import GAP
 from trailmark.se2 import FloatArray
 
 START = np.array([1.0, 1.0, 0.3])
@@ -152,18 +151,6 @@ def test_a_start_inside_is_a_path_of_one_state(robot: str) -> None:
     result = plan(room(robot), replace(goal, cost=1.0), Goal((1.3, 1.1, 0.3)))
     assert result.goal is not None
     assert result.goal.index == 1
-
-
-@pytest.mark.slow
-def test_zero_tolerance_is_a_pose() -> None:
-    world, pose = room(), (8.5, 2.0, 1.0)
-    result = plan(world, Goal(pose, position_tolerance=0.0, heading_tolerance=0.0))
-    assert result.path is not None
-    assert result.goal == ReachedGoal(0, pose)
-    assert tuple(result.path.states[-1]) == pose
-    other = LandmarkPlanner(world, seed=3, settings=QUICK).plan(START, pose)
-    assert result.cost == pytest.approx(other.cost, rel=0.02)
-    assert other.goal is None
 
 
 @pytest.mark.slow

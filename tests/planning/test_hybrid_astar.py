@@ -19,22 +19,12 @@ CAR = Robot.rectangle(4.0, 1.8).steered(4.0)
 SLOT, ROAD = np.array([10.8, 1.9, 0.0]), np.array([4.0, 5.0, 0.0])
 
 
-def grown(reverse: bool, into: bool, sources: np.ndarray, goal: np.ndarray, **options: float) -> tuple[World, Reached]:
+def grown(reverse: bool, into: bool, sources: np.ndarray, goal: np.ndarray, most: int = 6000) -> tuple[World, Reached]:
     world = World("slot", (0.0, 0.0, 20.0, 8.0), WALLS, CAR.steered(4.0, reverse))
     checker = StateChecker(world)
     relaxation = Relaxation(checker)
-    settings: dict[str, float] = {"step": 0.4, "most": 6000, "landmarks": 60, **options}
-    found = hybrid_astar(
-        CurveMotion(checker),
-        relaxation,
-        relaxation.costs_from(goal),
-        sources,
-        reverse=into,
-        step=settings["step"],
-        most=int(settings["most"]),
-        landmarks=int(settings["landmarks"]),
-        rng=np.random.default_rng(0),
-    )
+    motion, costs, rng = CurveMotion(checker), relaxation.costs_from(goal), np.random.default_rng(0)
+    found = hybrid_astar(motion, relaxation, costs, sources, reverse=into, step=0.4, most=most, landmarks=60, rng=rng)
     return world, found
 
 
@@ -69,31 +59,16 @@ def test_every_configuration_hangs_on_another_by_a_free_curve(reverse: bool, int
     assert (turned.max(axis=1) <= 0.5 * np.pi * 4.0 + 0.4 + 1e-6).all()
 
 
-def test_drives_lead_out_of_a_slot() -> None:
-    _, found = grown(True, False, SLOT[None], ROAD)
-    assert (found.configurations[:, 1] > 4.0).any()
-
-
-def test_drives_lead_into_a_slot() -> None:
-    _, found = grown(True, True, SLOT[None], ROAD)
+@pytest.mark.parametrize("into", [False, True], ids=["out of", "into"])
+def test_drives_lead_out_of_a_slot_and_into_it(into: bool) -> None:
+    _, found = grown(True, into, SLOT[None], ROAD)
     assert (found.configurations[:, 1] > 4.0).any()
 
 
 def test_nothing_is_reached_where_the_car_cannot_move() -> None:
-    stuck = World("stuck", (0.0, 0.0, 4.0, 1.8), (), CAR)
-    checker = StateChecker(stuck)
-    relaxation = Relaxation(checker)
-    q = np.array([2.0, 0.9, 0.0])
-    found = hybrid_astar(
-        CurveMotion(checker),
-        relaxation,
-        relaxation.costs_from(q),
-        q[None],
-        reverse=False,
-        step=0.4,
-        most=100,
-        landmarks=10,
-        rng=np.random.default_rng(0),
-    )
+    stuck, q = World("stuck", (0.0, 0.0, 4.0, 1.8), (), CAR), np.array([2.0, 0.9, 0.0])
+    relaxation = Relaxation(StateChecker(stuck))
+    motion, costs, rng = CurveMotion(relaxation.checker), relaxation.costs_from(q), np.random.default_rng(0)
+    found = hybrid_astar(motion, relaxation, costs, q[None], reverse=False, step=0.4, most=100, landmarks=10, rng=rng)
     assert found.configurations.shape == (0, 3)
     assert found.parents.shape == (0,)

@@ -26,13 +26,13 @@ Judge = Callable[..., float]
 
 WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
 
-ROADMAP = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/adjacency.py", "nearest.py")
+ROADMAP = ("roadmap/roadmap.py", "roadmap/search.py")
 PLANNING = (
     "planning/planner.py",
-    "planning/single_query.py",
-    "planning/solve.py",
+    "planning/dispatch.py",
+    "planning/pipeline.py",
     "planning/query.py",
-    "planning/rounds.py",
+    "planning/placement.py",
     "planning/batch.py",
     "planning/proofs/prover.py",
 )
@@ -82,30 +82,6 @@ def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) 
         if step % 60 == 59:
             assert_sound(planner, judge, pairs[step // 60 :: 5])
     assert hits > few(80, of=2)
-
-
-@pytest.mark.slow
-def test_many_queries_after_an_interrupt_at_any_line_are_free(judge: Judge) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=150)
-    pairs = queries(planner, 6)
-
-    def many() -> object:
-        return planner.plan_many(pairs[:, 0], pairs[:, 1], 20.0, max_iterations=1)
-
-    warm_up(use="many")
-    fresh = lines_run(PLANNING + ROADMAP, many)
-    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=150, checker=planner.checker)
-    # The first one also learns how fast the machine is.
-    fresh = min(fresh, lines_run(PLANNING + ROADMAP, many))
-    hits, places = 0, [*range(0, 60, 60 // few(12, of=4)), *range(60, fresh, fresh // few(fresh // 211, of=4))]
-    for k in places:
-        planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=150, checker=planner.checker)
-        # How many lines run depends a little on the clock: the last ones may not be reached.
-        hits += interrupted(PLANNING + ROADMAP, many, k)
-        for (start, goal), result in zip(pairs, planner.plan_many(pairs[:, 0], pairs[:, 1], 20.0), strict=True):
-            assert result.path is not None
-            judge(WORLD, planner.robot, start, goal, result.path.states)
-    assert hits > 0.8 * len(places)
 
 
 @pytest.mark.slow
@@ -183,13 +159,10 @@ def test_ctrl_c_arrives_as_such(car: bool) -> None:
 
 UPDATING = (
     "changes.py",
-    "planning/models.py",
-    "planning/world_model.py",
-    "verify/edges.py",
+    "planning/model.py",
+    "planning/growth.py",
     "verify/verifier.py",
     "planning/verification.py",
-    "planning/followed.py",
-    "planning/shared_roadmap.py",
     "planning/proofs/bound.py",
     "collision/checker.py",
     "collision/fcl_scene.py",

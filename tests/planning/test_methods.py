@@ -1,4 +1,4 @@
-"""Planning methods and mechanisms by name: each plans, with every kind of robot; wrong names are refused."""
+"""Planning methods and stages by name: each plans, with every kind of robot; wrong names are refused."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path
 from trailmark.planning import PlannerSettings, PlanResult
-from trailmark.planning.placement import path_over_landmarks, published_landmarks
-from trailmark.planning.settings import MECHANISMS, METHODS
-from trailmark.planning.single_query import GAP
-from trailmark.shapes import Polygon, Rectangle
+from trailmark.planning.placement import path_over_landmarks
+from trailmark.planning.query import GAP
+from trailmark.planning.settings import METHODS, STAGES
+from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 WALLS = (Rectangle((4.0, 1.5), 0.5, 3.0), Rectangle((8.0, 4.5), 0.5, 3.0))
@@ -41,7 +41,7 @@ def plan(robot: str, settings: PlannerSettings, rounds: int = 6, gap: float = GA
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "lattice"])
 def test_every_method_finds_a_path(method: str, robot: str) -> None:
-    # How paths are improved afterwards is a matter of the mechanisms below.
+    # How paths are improved afterwards is a matter of the stages below.
     result = plan(robot, METHODS[method], rounds=4, gap=np.inf)
     assert result.path is not None
     # It ends where it should, and goes through both gaps.
@@ -76,46 +76,19 @@ def test_the_published_method_answers_by_its_roadmap_alone() -> None:
     assert published > full
 
 
-def test_published_landmarks_are_valid_and_none_where_boxes_cover_all() -> None:
-    rng = np.random.default_rng(0)
-    checker = StateChecker(WORLD, ROBOTS["rectangle"])
-    found = published_landmarks(checker, np.array(START), 1000, 12, rng)
-    assert found.shape == (12, 3)
-    assert checker.valid(found).all()
-    outline, hole = Rectangle((6.0, 3.0), 12.0, 6.0), Rectangle((6.0, 3.0), 11.0, 5.0)
-    ring = Polygon(outline.polygon().vertices, (hole.polygon().vertices,))
-    covered = StateChecker(World("ring", (0, 0, 12, 6), (ring,)), ROBOTS["rectangle"])
-    assert published_landmarks(covered, np.array(START), 1000, 12, rng).shape == (0, 3)
-
-
-def test_plain_samples_take_the_place_of_centres() -> None:
-    nodes = [
-        LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=1, settings=METHODS[name])
-        for name in ("roadmap", "roadmap-uniform")
-    ]
-    for planner in nodes:
-        planner.plan(START, GOAL, 60.0, max_iterations=1)
-    first, second = (planner.roadmap.configurations for planner in nodes)
-    # As many are asked for, other ones.
-    assert abs(len(first) - len(second)) <= 20
-    assert not any((second == q).all(axis=1).any() for q in first[2:])
-
-
 TAKING_PART = {
     # Discs have a path of their own before any lattice, and cars go without lattices.
-    "rectangle": [name for name in MECHANISMS if name not in ("disc-path", "hybrid-astar")],
+    "rectangle": [name for name in STAGES if name not in ("disc-path", "hybrid-astar")],
     "disc": ["disc-path", "lattice", "shortening", "improvement"],
     "car": ["bands", "bridges", "hybrid-astar", "background-proof", "shortening", "improvement"],
 }
-"""Mechanisms that have a part in planning for a robot."""
+"""Stages that have a part in planning for a robot."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("robot", "mechanism"), [(robot, name) for robot, names in TAKING_PART.items() for name in names]
-)
-def test_the_planner_does_without_any_one_mechanism(mechanism: str, robot: str) -> None:
-    settings = PlannerSettings(without=(mechanism,), sweeps=5, first_sweeps=2, patience=1)
+@pytest.mark.parametrize(("robot", "stage"), [(robot, name) for robot, names in TAKING_PART.items() for name in names])
+def test_the_planner_does_without_any_one_stage(stage: str, robot: str) -> None:
+    settings = PlannerSettings(without=(stage,), sweeps=5, first_sweeps=2, patience=1)
     assert plan(robot, settings, rounds=2).status == "solved"
 
 

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.counted_plans import random_pairs
+from tests.helpers.random_pairs import random_pairs
 from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.quick import QUICK
+from tests.support.trials import few
 
-from trailmark import LandmarkPlanner, PlanResult, se2
+from trailmark import LandmarkPlanner, PlanResult
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.planning.shortening import without_needless
 from trailmark.planning.warmup import warm_up
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 Judge = Callable[..., float]
 
 WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
-
-
-def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:
-    return np.asarray(without_needless(motion_of(checker).kind, path, BUDGET))
 
 
 def assert_none_needless(motions: Any, result: PlanResult) -> int:
@@ -76,27 +79,71 @@ def test_a_cars_paths() -> None:
     assert knots > 2
 
 
+def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:
+    return np.asarray(without_needless(motion_of(checker).kind, path, BUDGET))
+
+
+def stroll(checker: StateChecker, n: int, rng: np.random.Generator) -> FloatArray:
+    """A path of n certified motions to and fro; (0, 3) if the robot has no room."""
+    xmin, ymin, xmax, ymax = checker.world.bounds
+    q = rng.uniform((xmin, ymin, -math.pi), (xmax, ymax, math.pi), (400, 3))
+    states = q[checker.valid(q)][:1]
+    while 0 < len(states) <= n:
+        ahead = states[-1] + rng.normal(0.0, (1.0, 1.0, 0.6), (400, 3))
+        ahead[:, 2] = np.arctan2(np.sin(ahead[:, 2]), np.cos(ahead[:, 2]))
+        ahead = ahead[checker.valid(ahead)]
+        ahead = ahead[checker.motions_valid(np.tile(states[-1], (len(ahead), 1)), ahead)]
+        if len(ahead) == 0:
+            return np.empty((0, 3))
+        states = np.concatenate([states, ahead[:1]])
+    return np.asarray(states)
+
+
+def cost(states: FloatArray) -> float:
+    return sum(
+        math.dist(a[:2], b[:2]) + 0.5 * abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
+        for a, b in pairwise(states)
+    )
+
+
 @pytest.mark.slow
-def test_what_is_needed_stays_and_costs_do_not_rise() -> None:
-    checker = StateChecker(WORLD, ROBOTS["L"])
-    planner = LandmarkPlanner(WORLD, ROBOTS["L"], seed=4, checker=checker, settings=QUICK)
-    rng = np.random.default_rng(1)
-    dropped = 0
-    for start, goal in random_pairs(planner, 4, 8):
-        path = planner.plan(start, goal, 30.0, max_iterations=1).path
-        assert path is not None
-        # With needless vertices at random places along it, some of them twice.
-        places = np.sort(np.append(rng.uniform(0.0, len(path.states) - 1, 30), np.arange(len(path.states))))
-        along = np.minimum(places.astype(int), len(path.states) - 2)
-        q = se2.interpolate(path.states[along], path.states[along + 1], places - along)
-        q = np.repeat(q, rng.integers(1, 3, len(q)), axis=0)
-        if not checker.motions_valid(q[:-1], q[1:]).all():
-            continue
-        left = fewer(checker, q)
-        assert checker.motions_valid(left[:-1], left[1:]).all()
-        assert not checker.motions_valid(left[:-2], left[2:]).any()
-        assert np.array_equal(left[[0, -1]], q[[0, -1]])
-        cost = float(np.sum(se2.distance(q[:-1], q[1:])))
-        assert float(np.sum(se2.distance(left[:-1], left[1:]))) <= cost + 1e-9
-        dropped += len(q) - len(left)
-    assert dropped > 40
+@settings(max_examples=few(60))
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    world=st.integers(0, 5),
+    seed=st.integers(0, 10_000),
+    n=st.integers(1, 40),
+)
+def test_what_is_left_is_a_certified_path_over_some_of_the_vertices(
+    judge: Judge, name: str, world: int, seed: int, n: int
+) -> None:
+    checker = StateChecker(
+        random_world(world, 25, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2), ROBOTS[name], cell=0.2
+    )
+    path = stroll(checker, n, np.random.default_rng(seed))
+    if len(path) == 0:
+        return
+    before = path.copy()
+    short = fewer(checker, path)
+    assert np.array_equal(path, before)
+    judge(checker.world, checker.robot, path[0], path[-1], short)
+    assert checker.motions_valid(short[:-1], short[1:]).all()
+    # Some of the vertices, in their order.
+    rows = [next(i for i, row in enumerate(path) if np.array_equal(row, kept)) for kept in short]
+    assert all(i < j for i, j in pairwise(rows))
+    assert cost(short) <= cost(path) + 1e-9
+    # None of the vertices that are left could be left out.
+    assert not checker.motions_valid(short[:-2], short[2:]).any()
+
+
+@pytest.mark.parametrize("before", range(1, 12))
+@pytest.mark.parametrize("after", [1, 2, 3, 7])
+def test_the_corner_of_an_angle_is_kept(before: int, after: int) -> None:
+    # Around the only corner of a wall there is but one vertex to see both ends from, however many there are.
+    checker = StateChecker(World("corner", (0, 0, 20, 20), (Rectangle((7.0, 7.0), 14.0, 14.0),)), Robot.disc(1.0))
+    corner = np.array([16.0, 16.0, 0.0])
+    up = np.linspace((16.0, 2.0, 0.0), corner, before, endpoint=False)
+    left = np.linspace((2.0, 16.0, 0.0), corner, after, endpoint=False)[::-1]
+    path = np.concatenate([up, corner[None], left])
+    assert np.array_equal(fewer(checker, path), [path[0], corner, path[-1]])
+    assert np.array_equal(fewer(checker, np.ascontiguousarray(path[::-1])), [path[-1], corner, path[0]])

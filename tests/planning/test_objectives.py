@@ -8,10 +8,8 @@ from tests.helpers.density_oracle import sampled_cost
 
 from trailmark import (
     CostZone,
-    Disc,
     LandmarkPlanner,
     Objective,
-    OneWayZone,
     PlanResult,
     Polygon,
     Rectangle,
@@ -95,34 +93,6 @@ def test_the_objective_clearance_keeps_to_the_middle_of_an_aisle() -> None:
     dense = np.array(result.path.resample(0.02).states)
     within = dense[(dense[:, 0] > 2.6) & (dense[:, 0] < 9.4)]
     assert np.abs(within[:, 1] - 2.0).max() <= 0.01
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ROBOTS)
-def test_a_one_way_zone_is_gone_round_against_its_direction(name: str) -> None:
-    lane = OneWayZone(Polygon(np.array([(3.0, 2.0), (7.0, 2.0), (7.0, 9.0), (3.0, 9.0)], dtype=float)), np.pi, 1.0)
-    world = World("lane", (0.0, 0.0, 10.0, 10.0), (Disc((5.0, 9.8), 0.3),), zones=(lane,))
-    result = planned(world, ROBOTS[name], "length")
-    assert result.path is not None
-    assert result.cost is not None
-    assert result.path.states[:, 1].min() <= 2.001
-    planner = LandmarkPlanner(world, ROBOTS[name], seed=0)
-    back = planner.plan(ENDS[1], ENDS[0], time_limit=30.0, max_iterations=2)
-    assert back.cost == pytest.approx(8.0, abs=0.01)
-    assert back.lower_bound is not None
-    assert back.lower_bound <= 8.0
-
-
-@pytest.mark.slow
-def test_many_queries_mind_the_objective_too() -> None:
-    world = World("dear", (0.0, 0.0, 10.0, 10.0), zones=(CostZone(SQUARE, 4.0),))
-    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
-    planner.build(300)
-    results = planner.plan_many(ENDS, ENDS[::-1], time_limit=20.0, max_iterations=3)
-    for result in results:
-        require_priced(world, result, Objective())
-        assert result.cost is not None
-        assert result.cost < 12.5
 
 
 @pytest.mark.slow

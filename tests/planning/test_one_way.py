@@ -114,32 +114,6 @@ def test_a_zone_over_everything_lets_pass_along_its_heading_only() -> None:
     assert result.status == "timeout"
 
 
-@pytest.mark.parametrize("heading", [math.pi, -math.pi, math.pi - 1e-12])
-def test_half_a_turn_is_one_heading(heading: float) -> None:
-    world = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, heading, 0.2),))
-    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0, settings=QUICK)
-    back = planner.plan(GOAL, START).path
-    assert back is not None
-    assert back.length == pytest.approx(12.0, abs=1e-6)
-
-
-def test_zones_that_touch_leave_a_way_between_them() -> None:
-    """Their common edge may be travelled along, in either direction."""
-    up, down = OneWayZone(box(4.0, 5.0, 12.0, 10.0), math.pi, 0.0), OneWayZone(box(4.0, 0.0, 12.0, 5.0), math.pi, 0.0)
-    world = World("w", BOUNDS, zones=(up, down))
-    result = plan(world, ROBOTS["disc"], 2.0)
-    assert result.path is not None
-    assert_right_way(world, result.path)
-    assert result.path.length == pytest.approx(12.0, abs=1e-6)
-
-
-def test_a_tolerance_of_half_a_turn_forbids_nothing() -> None:
-    world = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, 2.0, math.pi), OneWayZone(box(90, 90, 91, 91), 0.0, 0.0)))
-    result = plan(world, ROBOTS["rectangle"])
-    assert result.path is not None
-    assert result.path.length == pytest.approx(12.0, abs=1e-6)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("depth", [8e-8, 1.2e-7, 1.9e-7, 4e-7, 2e-6])
 def test_a_path_past_a_corner_is_free_to_an_audit(depth: float) -> None:

@@ -10,12 +10,11 @@ from functools import cache
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
-import numpy as np
 import pytest
 from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.forks import Forks
 
-from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot, StateChecker
+from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot
 from trailmark.landmarks import free_samples
 from trailmark.planning.settings import PlannerSettings
 
@@ -143,13 +142,3 @@ def test_a_planner_is_pickled_between_queries() -> None:
     order.append("planned")
     thread.join()
     assert sorted(order) == ["pickled", "planned"]
-
-
-def test_a_checker_with_fcl_objects_can_be_pickled() -> None:
-    checker = StateChecker(WORLD, ROBOTS["L"])
-    checker.scene.collides(np.array([5.0, 5.0, 0.0]))
-    q = np.random.default_rng(0).uniform((0, 0, -3), (40, 40, 3), (200, 3))
-    valid, clearance = checker.valid(q), checker.clearance(q)
-    other = pickled(checker)
-    assert np.array_equal(other.valid(q), valid)
-    assert np.array_equal(other.clearance(q), clearance)

@@ -17,9 +17,6 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.landmarks import free_samples
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.planning.query import Query
-from trailmark.planning.settings import PlannerSettings
-from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
@@ -136,16 +133,6 @@ def test_start_and_goal_in_contact(heading: float, judge: Judge) -> None:
     assert result.min_clearance == pytest.approx(0.0, abs=1e-6)
 
 
-def test_half_a_turn_both_ways(judge: Judge) -> None:
-    # An arm above a wall: the straight motion swings it over the top one way, through the wall the other way.
-    robot = Robot.polygon([(-0.1, -0.1), (2.0, -0.1), (2.0, 0.1), (-0.1, 0.1)])
-    world = World("wall", (0, 0, 10, 10), (Rectangle((5, 2), 10, 0.5),), robot)
-    right, left = (5.0, 3.0, 0.0), (5.0, 3.0, math.pi)
-    planner = LandmarkPlanner(world, seed=0)
-    for start, goal in ((right, left), (left, right), (right, left), (left, right)):
-        accepted(judge, world, start, goal, planner.plan(start, goal, LONG, max_iterations=4))
-
-
 # --- hard and impossible -------------------------------------------------------------------------------------------
 
 
@@ -214,18 +201,6 @@ def test_the_time_limit_is_kept(limit: float) -> None:
     assert result.lower_bound >= math.dist((3.0, 0.5), (9.5, 7.0)) + math.pi / 4 - 1e-6
 
 
-@pytest.mark.slow
-def test_improving_ends_with_the_time_limit_too() -> None:
-    world = random_world(1, 100, size=50.0)
-    planner = LandmarkPlanner(world, Robot.rectangle(1.0, 0.5), seed=0)
-    q = free_samples(planner.checker, 40, random_state=1)
-    start, goal = q[np.argmin(q[:, 0])], q[np.argmax(q[:, 0])]
-    begin = time.process_time()
-    result = planner.plan(start, goal, 0.4)
-    assert time.process_time() - begin < 0.7
-    assert result.status == "solved"
-
-
 # --- seeds, progress, reuse ----------------------------------------------------------------------------------------
 
 
@@ -264,52 +239,6 @@ def test_progress_is_reported() -> None:
     assert result.cost is not None
     assert result.cost <= seen[-1].cost + 1e-12
     assert seen[-1].elapsed <= (result.time["total"] or 0.0)
-
-
-@pytest.mark.slow
-def test_an_exception_in_the_callback_comes_through() -> None:
-    def stop(_: PlanProgress) -> None:
-        raise KeyboardInterrupt
-
-    planner = LandmarkPlanner(wall(0.8), seed=0)
-    with pytest.raises(KeyboardInterrupt):
-        planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, on_progress=stop)
-    # And leaves a planner that still works.
-    assert planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=4).status == "solved"
-
-
-@pytest.mark.slow
-def test_the_roadmap_serves_later_queries(judge: Judge) -> None:
-    world = wall(0.8)
-    planner = LandmarkPlanner(world, seed=0)
-    start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
-    first = planner.plan(start, goal, LONG, max_iterations=4)
-    assert first.landmarks == len(planner.roadmap) > 50
-    assert first.edges > 0
-    before = planner.roadmap.configurations.copy()
-    # Nearly the same again, with no round of landmarks to help: the roadmap holds a path already.
-    near, far = (4.1, 2.1, 1.1), (15.9, 2.1, -2.1)
-    phases: list[str] = []
-    second = planner.plan(near, far, LONG, max_iterations=1, on_progress=lambda progress: phases.append(progress.phase))
-    accepted(judge, world, near, far, second)
-    assert phases[0] == "shortening"  # no first path had to be looked for
-    assert np.array_equal(planner.roadmap.configurations[: len(before)], before)
-    assert len(planner.roadmap) - len(before) < 0.5 * len(before)
-    assert first.cost is not None
-    assert second.cost is not None
-    assert second.cost < 1.1 * first.cost
-
-
-@pytest.mark.slow
-def test_a_roadmap_outlives_its_planner(tmp_path: Any) -> None:
-    planner = LandmarkPlanner(wall(0.8), seed=0)
-    planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=3)
-    for suffix in (".npz", ".graphml"):
-        planner.roadmap.save(tmp_path / f"roadmap{suffix}")
-        again = Roadmap.load(tmp_path / f"roadmap{suffix}", planner.checker)
-        assert np.array_equal(again.configurations, planner.roadmap.configurations)
-        assert np.count_nonzero(again.certified) == np.count_nonzero(planner.roadmap.certified)
-        assert len(again.shortest_path(0, 1).nodes) > 0
 
 
 @pytest.mark.slow
@@ -436,16 +365,3 @@ def test_without_a_path_the_nearest_approach_is_told() -> None:
     assert (states[0] == start).all()
     assert planner.checker.motions_valid(states[:-1], states[1:]).all()
     assert math.dist(states[-1, :2], goal[:2]) < math.dist(start[:2], goal[:2])
-
-
-@pytest.mark.slow
-def test_the_nearest_approach_of_a_disc_begins_with_the_heading_of_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    # No path is taken, so that there is none to tell but what comes near.
-    monkeypatch.setattr(Query, "take", lambda self, states: np.inf)
-    world = World("wall", (0, 0, 20, 20), (Rectangle((10.0, 5.0), 1.0, 10.0),), Robot.disc(0.5))
-    start = np.array((3.0, 3.0, 2.0))
-    settings = PlannerSettings(without=("disc-path",))
-    result = LandmarkPlanner(world, seed=0, settings=settings).plan(start, (17, 3, 0), 60.0, max_iterations=1)
-    assert result.status == "timeout"
-    assert result.nearest is not None
-    assert (result.nearest.states[0] == start).all()

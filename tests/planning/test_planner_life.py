@@ -44,18 +44,14 @@ LIVES = {
 
 FILES = (
     "roadmap/roadmap.py",
-    "roadmap/store.py",
-    "roadmap/adjacency.py",
+    "roadmap/search.py",
     "roadmap/snapshot.py",
-    "roadmap/spanner.py",
     "roadmap/files.py",
-    "nearest.py",
     "planning/planner.py",
-    "planning/single_query.py",
-    "planning/solve.py",
+    "planning/dispatch.py",
+    "planning/pipeline.py",
     "planning/query.py",
-    "planning/rounds.py",
-    "planning/improvement.py",
+    "planning/placement.py",
     "planning/batch.py",
 )
 """Files between whose lines an interrupt may come."""

@@ -88,25 +88,6 @@ def test_each_of_several_goals_is_named(robot: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_no_heading_leads_behind_a_wall(robot: str) -> None:
-    for goal in (Goal((9.0, 1.0)), Goal(region=[(8, 1), (10, 1), (10, 3), (8, 3)]), BEHIND):
-        result = planned(SPLIT, ROBOTS[robot], goal)
-        assert result.status == "infeasible"
-        assert "shut in at the start: obstacles close every way to the goal" in result.reason
-
-
-def test_a_goal_part_of_which_can_be_reached_is_not_shut_out() -> None:
-    planner = LandmarkPlanner(SPLIT, Robot.disc(0.3), seed=0)
-    bound, start = planner.bound, np.array(START)
-    # The disc's centre gets to x = 4.7.
-    assert bound.shuts_out(start, Goal(region=[(4.71, 1), (9, 1), (9, 2), (4.71, 2)]))
-    assert not bound.shuts_out(start, Goal(region=[(4.69, 1), (9, 1), (9, 2), (4.69, 2)]))
-    assert bound.shuts_out(start, Goal(BEHIND, position_tolerance=4.29))
-    assert not bound.shuts_out(start, Goal(BEHIND, position_tolerance=4.31))
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("start", "goal", "end"), [(START, BEHIND, "start"), (BEHIND, START, "goal")])
 def test_the_widest_way_is_told(start: tuple[float, ...], goal: tuple[float, ...], end: str) -> None:
     result = planned(door(0.5), Robot.disc(0.3), goal, start=start)
@@ -136,29 +117,6 @@ def test_what_fits_only_in_contact_is_said_to(robot: Robot) -> None:
     assert re.search(r"1 rounds.*only in contact.* is 0\.5 m wide at \(5\.50, 3\.75\).* needs 0\.5 m", result.reason)
     wider = planned(door(0.5004), robot, BEHIND)
     assert "contact" not in wider.reason
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("cell", "cells"), [(0.05, 10), (0.1, 3), (0.07, 9)])
-def test_a_passage_of_a_grid_fits_only_in_contact(cell: float, cells: int) -> None:
-    wall = np.zeros((60, 120), np.bool_)
-    wall[20:25] = True
-    wall[20:25, 50 : 50 + cells] = False
-    world, half = World.from_grid(wall, cell), 0.5 * cells * cell
-    start, goal = (20 * cell, 10 * cell, 0.0), (20 * cell, 50 * cell, 0.0)
-    result = planned(world, Robot.disc(half), goal, start)
-    assert result.status == "timeout"
-    assert "only in contact" in result.reason
-    assert f"{2.0 * half:g} m wide" in result.reason
-    assert planned(world, Robot.disc(half - 1e-4), goal, start).status == "solved"
-
-
-@pytest.mark.slow
-def test_in_a_corridor_as_wide_as_the_robot_an_end_is_in_contact() -> None:
-    world = World("corridor", (0.0, 0.0, 10.0, 0.5), ())
-    result = planned(world, Robot.disc(0.25), (9.0, 0.25, 0.0), (1.0, 0.25, 0.0))
-    assert result.status == "timeout"
-    assert "only in contact at the start" in result.reason
 
 
 @pytest.mark.slow

@@ -147,13 +147,6 @@ def test_a_door_that_opens_is_taken(name: str, judge: Judge) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "any", "differential"])
-def test_a_door_that_opens_is_taken_at_once(name: str) -> None:
-    paths = followed_through(DRIVES[name], [HALL, HALL.edited(remove=[1])])
-    assert len({path.cost for path in paths}) == 1
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", list(DRIVES))
 def test_a_direct_motion_is_used_once_it_is_free(name: str) -> None:
     robot, start, goal = DRIVES[name], np.array([1.0, 3.0, 0.0]), np.array([9.0, 3.0, 0.0])

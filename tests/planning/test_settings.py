@@ -37,7 +37,7 @@ def test_wrong_files_are_refused_in_one_line(tmp_path: Path, text: str, match: s
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("wrong", [{"sweeps": 1.5}, {"patience": 0}, {"promising": 0.9}, {"least_gain": float("nan")}])
+@pytest.mark.parametrize("wrong", [{"sweeps": 1.5}, {"landmark_growth": 0.9}, {"least_gain": float("nan")}])
 def test_wrong_values_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ConfigurationError):
         PlannerSettings(**wrong)

@@ -10,7 +10,7 @@ from tests.support.trials import thorough
 
 from trailmark.library import shipped_worlds
 from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanResult
-from trailmark.planning.single_query import GAP
+from trailmark.planning.query import GAP
 from trailmark.world import Query, World
 
 QUICK = PlannerSettings(sweeps=5, first_sweeps=2, patience=1)

@@ -13,7 +13,7 @@ from trailmark.collision.footprint import build_footprint
 from trailmark.errors import ConfigurationError
 from trailmark.moving import Moving
 from trailmark.planning.result import ReplanResult
-from trailmark.planning.space_time.obstacles import MovingObstacles, motion_clear, path_clear, state_clear
+from trailmark.planning.space_time import MovingObstacles, motions_clear, path_clear, state_clear
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon, Shape
 
@@ -56,6 +56,10 @@ def placed(shape: Shape, q: FloatArray) -> FloatArray:
     return np.asarray(shapely.points(points[:, 0]) if isinstance(shape, Disc) else shapely.polygons(points))
 
 
+def motion_clear(obstacles: MovingObstacles, a: FloatArray, begin: float, b: FloatArray, end: float) -> bool:
+    return bool(motions_clear(obstacles, a[None], np.array([begin]), b[None], np.array([end]))[0])
+
+
 def random_moving(rng: np.random.Generator, fastest: float = 4.0) -> Moving:
     shape, velocity = SHAPES[rng.integers(3)], rng.uniform(-fastest, fastest, 2)
     placed = Moving(shape, (float(velocity[0]), float(velocity[1])), float(rng.uniform(0.3, 4.0)))
@@ -93,47 +97,41 @@ def test_a_motion_is_clear_just_when_no_moment_shows_contact(name: str) -> None:
 
 
 def test_grazing_is_decided_to_a_micrometre() -> None:
-    robot = ROBOTS["disc"]
-    for offset, clear in ((1e-6, True), (-1e-6, False)):
-        # The two cross at right angles: their least distance is that of the lines' meeting, 45 degrees off.
-        reach = 0.7 + robot.circumradius + offset
-        moving = Moving(Disc((0.0, -5.0 + np.sqrt(2.0) * reach), 0.7), (0.0, 1.0), 20.0)
-        obstacles = MovingObstacles.of([moving], build_footprint(robot))
-        a, b = np.array([-5.0, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])
-        assert motion_clear(obstacles, a, 0.0, b, 10.0) == clear
-    body = ROBOTS["rectangle"]
+    disc, body = ROBOTS["disc"], ROBOTS["rectangle"]
     half = 0.5 * float(np.ptp(body.outline.vertices[:, 1]))
+    a, b = np.array([-5.0, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])
     for offset, clear in ((1e-6, True), (-1e-6, False)):
-        moving = Moving(Disc((5.0, half + 0.7 + offset), 0.7), (-1.0, 0.0), 20.0)
-        obstacles = MovingObstacles.of([moving], build_footprint(body))
-        a, b = np.array([-5.0, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])
-        assert motion_clear(obstacles, a, 0.0, b, 10.0) == clear
+        # The discs cross at right angles: their least distance is that of the lines' meeting, 45 degrees off.
+        reach = np.sqrt(2.0) * (0.7 + disc.circumradius + offset)
+        crossing = Moving(Disc((0.0, -5.0 + reach), 0.7), (0.0, 1.0), 20.0)
+        passing = Moving(Disc((5.0, half + 0.7 + offset), 0.7), (-1.0, 0.0), 20.0)
+        for robot, moving in ((disc, crossing), (body, passing)):
+            assert motion_clear(MovingObstacles.of([moving], build_footprint(robot)), a, 0.0, b, 10.0) == clear
 
 
-def test_what_stands_what_overtakes_and_what_comes_head_on() -> None:
-    robot = Robot.rectangle(2.0, 1.0)
-    a, b = np.array([0.0, 0.0, 0.0]), np.array([10.0, 0.0, 0.0])
-    footprint = build_footprint(robot)
-
-    def clear(x: float, vx: float, until: float) -> bool:
-        obstacles = MovingObstacles.of([Moving(Disc((x, 0.0), 0.5), (vx, 0.0), until)], footprint)
-        return bool(motion_clear(obstacles, a, 0.0, b, 10.0))
-
-    assert not clear(5.0, 0.0, 20.0)
-    assert clear(5.0, 0.0, 3.4)  # it is foreseen up to a moment before the robot comes
-    assert not clear(5.0, 0.0, 3.6)
-    assert clear(-3.0, 1.0, 20.0)
-    assert not clear(-3.0, 1.2, 20.0)
-    assert clear(-3.0, 1.1, 20.0)
-    assert not clear(12.0, -1.0, 20.0)
-    assert clear(12.0, -1.0, 5.2)
-    assert not clear(12.0, -1.0, 5.3)
+@pytest.mark.parametrize(
+    ("x", "speed", "until", "clear"),
+    [
+        (5.0, 0.0, 20.0, False),
+        (5.0, 0.0, 3.4, True),  # it is foreseen up to a moment before the robot comes
+        (5.0, 0.0, 3.6, False),
+        (-3.0, 1.0, 20.0, True),
+        (-3.0, 1.2, 20.0, False),
+        (-3.0, 1.1, 20.0, True),
+        (12.0, -1.0, 20.0, False),
+        (12.0, -1.0, 5.2, True),
+        (12.0, -1.0, 5.3, False),
+    ],
+)
+def test_what_stands_what_overtakes_and_what_comes_head_on(x: float, speed: float, until: float, clear: bool) -> None:
+    moving = Moving(Disc((x, 0.0), 0.5), (speed, 0.0), until)
+    obstacles = MovingObstacles.of([moving], build_footprint(Robot.rectangle(2.0, 1.0)))
+    assert motion_clear(obstacles, np.zeros(3), 0.0, np.array([10.0, 0.0, 0.0]), 10.0) == clear
 
 
 def test_turning_in_place_meets_what_passes_beside() -> None:
-    robot = Robot.rectangle(2.0, 0.4)
     moving = Moving(Disc((-5.0, 0.9), 0.5), (1.0, 0.0), 20.0)
-    obstacles = MovingObstacles.of([moving], build_footprint(robot))
+    obstacles = MovingObstacles.of([moving], build_footprint(Robot.rectangle(2.0, 0.4)))
     here, turned = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.5])
     assert motion_clear(obstacles, here, 0.0, here, 10.0)
     assert not motion_clear(obstacles, here, 4.0, turned, 5.0)
@@ -198,16 +196,20 @@ def test_a_path_passes_what_crosses_it(world: World, name: str) -> None:
 
 
 def test_a_path_that_passes_in_time_is_kept_and_one_swept_is_not() -> None:
-    robot, speed = ROBOTS["rectangle"], 2.0
+    robot, speed, path = ROBOTS["rectangle"], 2.0, Path(np.array([START, GOAL]))
     planner = LandmarkPlanner(FIELD, robot, seed=0)
-    path = Path(np.array([START, GOAL]))
-    behind = Moving(Disc((20.0, 10.0), 0.8), (0.0, 1.0), 8.0)
-    planner.update(FIELD.edited(add=[behind]))
+    planner.update(FIELD.edited(add=[Moving(Disc((20.0, 10.0), 0.8), (0.0, 1.0), 8.0)]))
     assert planner.replan(START, GOAL, path, speed=speed).kept
-    swept = planner.replan(START, GOAL, path)
-    assert not swept.kept
-    assert swept.path is not None
-    check(swept, planner.world, robot, speed, START, GOAL)
+    # Where steps do not help either, what is swept is avoided.
+    helpless = LandmarkPlanner(FIELD, robot, seed=0, settings=PlannerSettings(space_time_nodes=1))
+    helpless.update(FIELD.edited(add=[Moving(Disc((20.0, 2.0), 0.8), (0.0, 0.9), 12.0)]))
+    for avoiding, result in (
+        (planner, planner.replan(START, GOAL, path)),
+        (helpless, helpless.replan(START, GOAL, path, speed=speed)),
+    ):
+        assert not result.kept
+        assert result.path is not None
+        check(result, avoiding.world, robot, speed, START, GOAL)
 
 
 def test_where_all_that_changes_moves_nothing_that_stands_is_built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,28 +272,6 @@ def test_a_robot_in_a_frame_that_moves_along_is_clear() -> None:
             assert (path_clear(obstacles, states, 1.0 - 0.1 * lag) < 0) == clear
 
 
-@pytest.mark.slow
-def test_what_comes_to_stand_is_avoided_as_well_as_what_moves() -> None:
-    robot, speed = ROBOTS["rectangle"], 2.0
-    planner = LandmarkPlanner(FIELD, robot, seed=0)
-    moving = {"cart": Moving(Disc((20.0, 4.0), 0.8), (0.0, 1.0), 8.0)}
-    world, path = FIELD.edited(add=moving), Path(np.array([START, GOAL]))
-    planner.update(world)
-    first = planner.replan(START, GOAL, path, speed=speed)
-    check(first, world, robot, speed, START, GOAL)
-    world = world.edited(add={"pallet": Rectangle((10.0, 10.0), 2.0, 4.0)})
-    planner.update(world)
-    second = planner.replan(START, GOAL, path, speed=speed)
-    assert second.path is not None
-    check(second, world, robot, speed, START, GOAL)
-    # Meanwhile the cart stops.
-    world = world.edited(replace={"cart": Disc((20.0, 8.0), 0.8)})
-    planner.update(world)
-    third = planner.replan(START, GOAL, second.path, speed=speed)
-    assert third.path is not None
-    check(third, world, robot, speed, START, GOAL)
-
-
 def test_a_robot_that_has_arrived_and_one_that_only_turns() -> None:
     moving = Moving(Disc((20.0, 4.0), 0.8), (0.0, 1.0), 8.0)
     turned = START + np.array([0.0, 0.0, 1.0])
@@ -302,17 +282,6 @@ def test_a_robot_that_has_arrived_and_one_that_only_turns() -> None:
             result = planner.replan(START, goal, Path(np.array([START, goal])), speed=1.0)
             assert result.path is not None
             assert result.cost == pytest.approx(0.5 * goal[2])
-
-
-def test_where_steps_do_not_help_a_path_is_found_that_avoids_what_is_swept() -> None:
-    settings = PlannerSettings(space_time_nodes=1)
-    planner = LandmarkPlanner(FIELD, ROBOTS["rectangle"], seed=0, settings=settings)
-    crossing = Moving(Disc((20.0, 2.0), 0.8), (0.0, 0.9), 12.0)
-    world = FIELD.edited(add=[crossing])
-    planner.update(world)
-    result = planner.replan(START, GOAL, Path(np.array([START, GOAL])), speed=2.0)
-    assert result.path is not None
-    check(result, world, ROBOTS["rectangle"], 2.0, START, GOAL)
 
 
 @pytest.mark.slow

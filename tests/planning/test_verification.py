@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from trailmark import (
     CurvePath,
@@ -71,10 +70,3 @@ def test_lines_beside_a_disc_are_free_where_the_path_leads_out_of_another_one() 
     assert check_path(world, ROBOT, Path(path.states[first:])).free
     # Where it leaves the first one, no states were added.
     assert np.array_equal(path.states[: first + 1], AROUND.states[: first + 1])
-
-
-@pytest.mark.parametrize("gap", [1e-5, 2e-8])
-def test_a_smooth_path_beside_a_one_way_zone(gap: float) -> None:
-    world = world_with(zones=(wrong_way(gap),))
-    smooth = AROUND.smooth(world, ROBOT)
-    assert check_path(world, ROBOT, Path(smooth.states)).free

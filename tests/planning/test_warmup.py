@@ -108,7 +108,7 @@ def test_warm_up_compiles_each_entrance_once(report: dict[str, Any]) -> None:
         "trailmark.collision.kernels.states_free": 1,
         "trailmark.collision.kernels.clearances": 1,
         "trailmark.collision.certify.motions_certified": 1,
-        "trailmark.landmarks.grid_search.grid_costs": 1,
+        "trailmark.landmarks.grid_search.flood": 1,
         # For each kind of motion.
         "trailmark.roadmap.search.lazy_shortest_path": 4,
         "trailmark.planning.shortening._sweep": 4,

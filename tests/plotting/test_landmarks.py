@@ -12,7 +12,6 @@ from PIL import Image
 from tests.support.pictures import colours_of, is_colour
 
 from trailmark.collision import StateChecker
-from trailmark.colours import GOAL, LANDMARK, PATH, START
 from trailmark.errors import OutputError
 from trailmark.landmarks.executions import Execution, execute_paper, execute_se2
 from trailmark.path import Path
@@ -20,6 +19,7 @@ from trailmark.plotting import landmarks, save_landmarks_figure
 from trailmark.plotting.canvas import write
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.shown import GOAL, LANDMARK, PATH, START
 from trailmark.world import Query, Robot, World
 
 ROBOT = Robot.disc(0.4)

@@ -19,7 +19,6 @@ from tests.support.pictures import colours_of, is_colour
 
 from trailmark import plotting
 from trailmark.collision import StateChecker
-from trailmark.colours import COLLISION, REPAIRED
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import OutputError
 from trailmark.motion import motion_of
@@ -29,6 +28,7 @@ from trailmark.planning.result import PlanResult
 from trailmark.plotting import OBSTACLE, draw_plan, save_audit_figure, save_world_figure
 from trailmark.plotting.world import draw_world
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.shown import COLLISION, REPAIRED
 from trailmark.verify import check_path
 from trailmark.world import Query, Robot, World
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone

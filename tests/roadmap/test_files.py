@@ -1,8 +1,10 @@
-"""Roadmap files: what comes back, what is believed of it, and that no file does any harm."""
+"""Roadmap files: what comes back, what is believed of it, what nav2 gets, and that no file does any harm."""
 
 from __future__ import annotations
 
 import io
+import json
+import math
 import pickle
 import zipfile
 from collections.abc import Callable
@@ -13,9 +15,9 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.oracle import Oracle, motion_states
 from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
@@ -23,7 +25,8 @@ from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import FormatError, OutputError, TrailmarkError
 from trailmark.landmarks import free_samples
-from trailmark.roadmap import Roadmap, load_roadmap
+from trailmark.motion import CurveMotion
+from trailmark.roadmap import Roadmap, load_roadmap, read_route_graph
 from trailmark.roadmap.files import fingerprint
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -32,30 +35,29 @@ from trailmark.zones import OneWayZone
 Change = Callable[[dict[str, Any]], dict[str, Any]]
 
 SUFFIXES = (".npz", ".graphml")
-CHECKERS = {
-    name: StateChecker(random_world(7, 30, size=30.0, discs=0.3, holes=0.3), robot, cell=0.3)
-    for name, robot in ROBOTS.items()
-}
+CAR = Robot.rectangle(1.6, 0.8).steered(1.5)
+MOVERS = {**ROBOTS, "car": CAR, "forward car": CAR.steered(1.5, reverse=False)}
+WORLD = random_world(7, 30, size=30.0, discs=0.3, holes=0.3)
+CHECKERS = {name: StateChecker(WORLD, robot, cell=0.3) for name, robot in MOVERS.items()}
+OPEN = StateChecker(World("open", (0, 0, 10, 10)), Robot.rectangle(1, 0.5))
+
+
+def made(checker: StateChecker, n: int = 80) -> Roadmap:
+    roadmap = Roadmap(checker)
+    roadmap.add(free_samples(checker, n, random_state=3))
+    roadmap.shortest_path(0, n // 2)
+    return roadmap
 
 
 @pytest.fixture(scope="module")
-def roadmaps() -> dict[str, Roadmap]:
-    found = {}
-    for name, checker in CHECKERS.items():
-        found[name] = roadmap = Roadmap(checker)
-        roadmap.add(free_samples(checker, 80, random_state=3))
-        roadmap.shortest_path(0, 50)
-    return found
-
-
-@pytest.fixture(scope="module")
-def roadmap(roadmaps: dict[str, Roadmap]) -> Roadmap:
-    return roadmaps["L"]
+def roadmap() -> Roadmap:
+    return made(CHECKERS["L"])
 
 
 def known(roadmap: Roadmap) -> dict[tuple[int, int], int]:
     """Status of every edge by its nodes, the blocked ones left out, as no graph holds them."""
-    rows = zip(np.sort(roadmap.edges, axis=1).tolist(), roadmap.status.tolist(), strict=True)
+    pairs = roadmap.edges if roadmap.directed else np.sort(roadmap.edges, axis=1)
+    rows = zip(pairs.tolist(), roadmap.status.tolist(), strict=True)
     return {(u, v): status for (u, v), status in rows if status != BLOCKED}
 
 
@@ -66,15 +68,15 @@ def arrays(roadmap: Roadmap, tmp_path: Path) -> dict[str, Any]:
         return dict(file)
 
 
-def problem(path: Path, checker: StateChecker) -> str:
-    """What loading complains of: one line that begins with the file's name."""
+def problem(path: Path, read: StateChecker | Callable[[Path], object]) -> str:
+    """What reading complains of: one line that begins with the file's name."""
     with pytest.raises(FormatError) as caught:
-        load_roadmap(path, checker)
+        load_roadmap(path, read) if isinstance(read, StateChecker) else read(path)
     text = str(caught.value)
     assert "\n" not in text
-    assert text.startswith(f"{path}: ")
+    assert text.startswith(f"{path}:")
     assert len(text) < len(str(path)) + 400
-    return text.removeprefix(f"{path}: ")
+    return text.removeprefix(f"{path}:").lstrip()
 
 
 # --- there and back ------------------------------------------------------------------------------------------------
@@ -82,20 +84,24 @@ def problem(path: Path, checker: StateChecker) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("name", ROBOTS)
-def test_round_trip(roadmaps: dict[str, Roadmap], name: str, suffix: str, tmp_path: Path) -> None:
-    roadmap = roadmaps[name]
-    file = tmp_path / f"roadmap{suffix}"
+@pytest.mark.parametrize("name", MOVERS)
+def test_round_trip(name: str, suffix: str, tmp_path: Path) -> None:
+    roadmap, file = made(CHECKERS[name]), tmp_path / f"roadmap{suffix}"
     roadmap.save(file)
     # A checker of its own, made of equal parts, as in another process.
-    again = Roadmap.load(file, StateChecker(CHECKERS[name].world, ROBOTS[name], cell=0.2))
+    again = Roadmap.load(file, StateChecker(WORLD, MOVERS[name], cell=0.2))
     assert np.array_equal(again.configurations, roadmap.configurations)
     assert known(again) == known(roadmap)
     assert set(known(again).values()) == {FREE, UNDECIDED}
     if suffix == ".npz":
-        assert np.array_equal(again.edges, roadmap.edges)
-        assert np.array_equal(again.status, roadmap.status)
-        assert np.array_equal(again.lengths, roadmap.lengths)
+        assert all(np.array_equal(again.rows()[i], roadmap.rows()[i]) for i in range(4))
+    else:
+        read, graph = nx.read_graphml(file, node_type=int), roadmap.graph
+        assert type(read) is type(graph)
+        for _, attributes in graph.nodes(data=True):
+            attributes["x"], attributes["y"], attributes["theta"] = attributes.pop("configuration")
+        assert dict(read.nodes(data=True)) == dict(graph.nodes(data=True))
+        assert all(read.edges[u, v] == data for u, v, data in graph.edges(data=True))
     for goal in (20, 50):
         found = [each.shortest_path(0, goal).nodes for each in (roadmap, again)]
         assert np.array_equal(found[0], found[1])
@@ -103,20 +109,17 @@ def test_round_trip(roadmaps: dict[str, Roadmap], name: str, suffix: str, tmp_pa
     assert len(again) == len(roadmap) + 5
 
 
-@pytest.mark.slow
-def test_graphml_is_what_networkx_reads(roadmap: Roadmap, tmp_path: Path) -> None:
-    roadmap.save(tmp_path / "r.graphml")
-    graph = nx.read_graphml(tmp_path / "r.graphml", node_type=int)
-    expected = roadmap.graph
-    assert type(graph) is nx.Graph
-    assert list(graph.nodes) == list(expected.nodes)
-    for node, attributes in graph.nodes(data=True):
-        assert set(attributes) == {"x", "y", "theta", "clearance"}
-        assert (attributes["x"], attributes["y"], attributes["theta"]) == expected.nodes[node]["configuration"]
-        assert attributes["clearance"] == expected.nodes[node]["clearance"]
-    assert {frozenset(edge) for edge in graph.edges} == {frozenset(edge) for edge in expected.edges}
-    for u, v, attributes in graph.edges(data=True):
-        assert attributes == expected.edges[u, v]
+def test_a_graph_drawn_by_hand_is_taken(tmp_path: Path) -> None:
+    graph = nx.Graph()
+    graph.add_node(7, x=1, y=2.0, theta=4.0, label="dock")
+    graph.add_node(3, x=3.0, y=4.0, theta=0.5)
+    graph.add_edge(7, 3, certified=True, colour="red")
+    nx.write_graphml(graph, tmp_path / "r.graphml")
+    roadmap = load_roadmap(tmp_path / "r.graphml", OPEN)
+    # Numbered in the order of their ids; headings brought into (-pi, pi].
+    assert roadmap.configurations == pytest.approx(np.array([[3.0, 4.0, 0.5], [1.0, 2.0, 4.0 - 2 * np.pi]]))
+    assert roadmap.status.tolist() == [UNDECIDED]
+    assert roadmap.shortest_path(0, 1).nodes.tolist() == [0, 1]
 
 
 # --- what is believed ----------------------------------------------------------------------------------------------
@@ -126,23 +129,26 @@ def variants() -> dict[str, tuple[World, Robot]]:
     """Worlds and robots that differ a little from the first one."""
     square = np.array([[4.0, 4.0], [6.0, 4.0], [6.0, 6.0], [4.0, 6.0]])
     shapes = (Polygon(square), Disc((2.0, 7.0), 0.5))
-    robot = Robot.rectangle(0.5, 0.3)
-    bounds = (0.0, 0.0, 10.0, 10.0)
+    robot, steered = Robot.rectangle(0.5, 0.3), Robot.rectangle(0.5, 0.3).steered
+    first = World("w", (0.0, 0.0, 10.0, 10.0), shapes)
     corners = np.array([[-1.0, -1.0], [11.0, -1.0], [11.0, 11.0], [-1.0, 11.0]])
+    zone = OneWayZone(Polygon(square - 3.0), 0.0, 1.0)
+    changes: list[dict[str, Any]] = [{}, {"heading": 3.0}, {"tolerance": 0.5}, {"region": Polygon(square - 2.9)}]
     return {
-        "itself": (World("w", bounds, shapes), robot),
-        "bounds": (World("w", (0.0, 0.0, 10.0, 10.5), shapes), robot),
-        "polygon": (World("w", bounds, (Polygon(square + 1e-9), shapes[1])), robot),
-        "disc": (World("w", bounds, (shapes[0], Disc((2.0, 7.0), 0.5 + 1e-9))), robot),
-        "one less": (World("w", bounds, shapes[:1]), robot),
-        "boundary": (World("w", bounds, shapes, boundary=Polygon(corners)), robot),
-        "robot": (World("w", bounds, shapes), Robot.rectangle(0.5, 0.3 + 1e-9)),
-        "round robot": (World("w", bounds, shapes), Robot.disc(0.2)),
-        "rounder robot": (World("w", bounds, shapes), Robot.disc(0.21)),
-        "one-way zone": (World("w", bounds, shapes, zones=(OneWayZone(Polygon(square - 3.0), 0.0, 1.0),)), robot),
-        "another heading": (World("w", bounds, shapes, zones=(OneWayZone(Polygon(square - 3.0), 3.0, 1.0),)), robot),
-        "another tolerance": (World("w", bounds, shapes, zones=(OneWayZone(Polygon(square - 3.0), 0.0, 0.5),)), robot),
-        "another place": (World("w", bounds, shapes, zones=(OneWayZone(Polygon(square - 2.9), 0.0, 1.0),)), robot),
+        "itself": (first, robot),
+        "bounds": (replace(first, bounds=(0.0, 0.0, 10.0, 10.5)), robot),
+        "polygon": (replace(first, obstacles=(Polygon(square + 1e-9), shapes[1])), robot),
+        "disc": (replace(first, obstacles=(shapes[0], Disc((2.0, 7.0), 0.5 + 1e-9))), robot),
+        "one less": (replace(first, obstacles=shapes[:1]), robot),
+        "boundary": (replace(first, boundary=Polygon(corners)), robot),
+        "robot": (first, Robot.rectangle(0.5, 0.3 + 1e-9)),
+        "round robot": (first, Robot.disc(0.2)),
+        "rounder robot": (first, Robot.disc(0.21)),
+        "differential": (first, robot.differential()),
+        "car": (first, steered(0.5)),
+        "wider car": (first, steered(0.6)),
+        "forward car": (first, steered(0.5, reverse=False)),
+        **{f"one-way zone {i}": (replace(first, zones=(replace(zone, **c),)), robot) for i, c in enumerate(changes)},
     }
 
 
@@ -153,31 +159,30 @@ def test_the_fingerprint_tells_worlds_and_robots_apart() -> None:
     # What decides no collision does not count: name, queries, the grid's cells.
     other = World("another", world.bounds, world.obstacles, robot)
     assert fingerprint(StateChecker(other, cell=0.5)) == prints["itself"]
-    as_polygon = Robot.polygon(robot.outline.vertices)
-    assert fingerprint(StateChecker(world, as_polygon)) == prints["itself"]
+    assert fingerprint(StateChecker(world, Robot.polygon(robot.outline.vertices))) == prints["itself"]
 
 
-@pytest.mark.parametrize(
-    ("name", "suffix"),
-    [("bounds", ".graphml"), ("robot", ".graphml"), *((name, ".npz") for name in variants() if name != "itself")],
-)
-def test_certificates_of_another_world_are_not_believed(name: str, suffix: str, tmp_path: Path) -> None:
-    checker = StateChecker(*variants()["itself"])
-    roadmap = Roadmap(checker)
-    roadmap.add(free_samples(checker, 40, random_state=1))
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("origin", ["itself", "one-way zone 0", "forward car"])
+def test_certificates_of_another_world_or_robot_are_not_believed(origin: str, suffix: str, tmp_path: Path) -> None:
+    checker, file = StateChecker(*variants()[origin]), tmp_path / f"r{suffix}"
+    roadmap = made(checker, 40)
     roadmap.certify_all()
-    roadmap.save(tmp_path / f"r{suffix}")
-    other = StateChecker(*variants()[name])
-    again = load_roadmap(tmp_path / f"r{suffix}", other, drop_invalid=True)
-    assert len(again.edges) > 0
-    assert set(again.status.tolist()) <= {UNDECIDED, BLOCKED}
-    if suffix == ".graphml":
-        assert set(again.status.tolist()) == {UNDECIDED}
-    # Checked anew, they are right for the new world.
-    again.certify_all()
-    q = again.configurations
-    expected = again.motion.motions_valid(q[again.edges[:, 0]], q[again.edges[:, 1]])
-    assert np.array_equal(again.certified, expected)
+    roadmap.save(file)
+    free = {pair for pair, status in known(load_roadmap(file, checker)).items() if status == FREE}
+    assert free == {pair for pair, status in known(roadmap).items() if status == FREE} != set()
+    for world, robot in (variants()[name] for name in variants() if name != origin):
+        again = load_roadmap(file, StateChecker(world, robot), drop_invalid=True)
+        assert len(again.edges) > 0
+        assert set(again.status.tolist()) <= {UNDECIDED, BLOCKED}
+        # Checked anew, they are right for the new world; an edge without direction is there once.
+        again.certify_all()
+        assert len(known(again)) == np.count_nonzero(again.certified)
+        q = again.configurations
+        ends = q[again.edges[:, 0]], q[again.edges[:, 1]]
+        right = again.motion.motions_valid(*ends)
+        assert np.array_equal(again.certified, right if again.directed else right & again.motion.reversible(*ends))
 
 
 @pytest.mark.slow
@@ -185,9 +190,8 @@ def test_certificates_of_another_world_are_not_believed(name: str, suffix: str, 
 def test_invalid_nodes_are_refused_or_left_out_if_asked(roadmap: Roadmap, suffix: str, tmp_path: Path) -> None:
     file = tmp_path / f"r{suffix}"
     roadmap.save(file)
-    world = CHECKERS["L"].world
     block = Rectangle((15.0, 15.0), 12.0, 12.0)
-    changed = StateChecker(World("changed", world.bounds, (*world.obstacles, block)), ROBOTS["L"], cell=0.3)
+    changed = StateChecker(World("changed", WORLD.bounds, (*WORLD.obstacles, block)), ROBOTS["L"], cell=0.3)
     valid = np.array([changed.valid(q) for q in roadmap.configurations])
     assert 0 < np.count_nonzero(~valid) < len(valid)
     first = ", ".join(f"{v:g}" for v in roadmap.configurations[~valid][0])
@@ -205,17 +209,15 @@ def test_invalid_nodes_are_refused_or_left_out_if_asked(roadmap: Roadmap, suffix
 
 @pytest.mark.slow
 def test_an_edited_file_is_checked_anew(roadmap: Roadmap, tmp_path: Path) -> None:
-    content = arrays(roadmap, tmp_path)
+    content, file = arrays(roadmap, tmp_path), tmp_path / "r.npz"
     edited = {key: value.copy() for key, value in content.items()}
     edited["configurations"][3, 2] += 1e-6
-    believed = {key: value.copy() for key, value in content.items()}
-    believed["status"][:] = FREE
+    believed = content | {"status": np.full_like(content["status"], FREE)}
     for changed in (edited, believed, content | {"checksum": np.array("")}, content | {"fingerprint": np.array("x")}):
-        np.savez(tmp_path / "r.npz", **changed)
-        assert set(load_roadmap(tmp_path / "r.npz", roadmap.checker).status.tolist()) == {UNDECIDED}
-    np.savez(tmp_path / "r.npz", **content)
-    assert np.array_equal(load_roadmap(tmp_path / "r.npz", roadmap.checker).status, roadmap.status)
-
+        np.savez(file, **changed)
+        assert set(load_roadmap(file, roadmap.checker).status.tolist()) == {UNDECIDED}
+    np.savez(file, **content)
+    assert np.array_equal(load_roadmap(file, roadmap.checker).status, roadmap.status)
     roadmap.save(tmp_path / "r.graphml")
     text = (tmp_path / "r.graphml").read_text()
     assert ">False<" in text
@@ -223,81 +225,22 @@ def test_an_edited_file_is_checked_anew(roadmap: Roadmap, tmp_path: Path) -> Non
     assert set(load_roadmap(tmp_path / "r.graphml", roadmap.checker).status.tolist()) == {UNDECIDED}
 
 
-def test_a_graph_drawn_by_hand_is_taken(tmp_path: Path) -> None:
-    graph = nx.Graph()
-    graph.add_node(7, x=1, y=2.0, theta=4.0, label="dock")
-    graph.add_node(3, x=3.0, y=4.0, theta=0.5)
-    graph.add_edge(7, 3, certified=True, colour="red")
-    nx.write_graphml(graph, tmp_path / "r.graphml")
-    checker = StateChecker(World("open", (0, 0, 10, 10)), Robot.rectangle(1, 0.5))
-    roadmap = load_roadmap(tmp_path / "r.graphml", checker)
-    # Numbered in the order of their ids; headings brought into (-pi, pi].
-    assert roadmap.configurations == pytest.approx(np.array([[3.0, 4.0, 0.5], [1.0, 2.0, 4.0 - 2 * np.pi]]))
-    assert roadmap.status.tolist() == [UNDECIDED]
-    assert roadmap.shortest_path(0, 1).nodes.tolist() == [0, 1]
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize(
-    "robot", [Robot.disc(0.2), Robot.rectangle(0.5, 0.3), Robot.rectangle(0.5, 0.3).differential()]
-)
-def test_a_world_with_a_one_way_zone_keeps_its_edges(robot: Robot, suffix: str, tmp_path: Path) -> None:
-    zone = shapely.box(4.0, 0.0, 6.0, 10.0)
-    world = World(
-        "w", (0, 0, 10, 10), (Disc((5, 5), 1),), zones=(OneWayZone(Polygon(zone.exterior.coords[:-1]), 0.0, 0.8),)
-    )
-    checker = StateChecker(world, robot)
-    roadmap = Roadmap(checker)
-    roadmap.add(free_samples(checker, 40, random_state=1))
-    roadmap.certify_all()
-    roadmap.save(tmp_path / f"r{suffix}")
-    again = load_roadmap(tmp_path / f"r{suffix}", checker)
-    free = {tuple(edge) for edge in roadmap.edges[roadmap.certified].tolist()}
-    assert {tuple(edge) for edge in again.edges[again.certified].tolist()} == free
-    crossing = [edge for edge in free if shapely.LineString(again.configurations[list(edge), :2]).crosses(zone)]
-    assert len(crossing) > 10
-    for u, v in crossing:
-        assert again.configurations[u, 0] < again.configurations[v, 0]
-    # Without the zone, in a world that these certificates were not made for, they are not believed.
-    assert not load_roadmap(tmp_path / f"r{suffix}", StateChecker(replace(world, zones=()), robot)).certified.any()
-
-
 def test_half_a_turn_is_left_out(tmp_path: Path) -> None:
-    checker = StateChecker(World("open", (0, 0, 10, 10)), Robot.rectangle(1, 0.5))
     q = np.array([[3.0, 4.0, 0.0], [4.0, 4.0, np.pi], [5.0, 4.0, 3.0]])
     both = np.array([[0, 1], [1, 2]], dtype=np.int32)
-    Roadmap.from_arrays(checker, q, both, np.array([FREE, FREE], np.uint8)).save(tmp_path / "r.npz")
-    assert load_roadmap(tmp_path / "r.npz", checker).status.tolist() == [BLOCKED, FREE]
+    Roadmap.from_arrays(OPEN, q, both, np.array([FREE, FREE], np.uint8)).save(tmp_path / "r.npz")
+    assert load_roadmap(tmp_path / "r.npz", OPEN).status.tolist() == [BLOCKED, FREE]
 
 
 # --- what is refused -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["r.txt", "r", "r.npz.gz", "r.geojson"])
-def test_suffixes(roadmap: Roadmap, name: str, tmp_path: Path) -> None:
-    file = tmp_path / name
-    if name != "r.geojson":
-        with pytest.raises(OutputError, match=r"expected \.geojson, \.graphml, \.npz, got '"):
-            roadmap.save(file)
-        assert not file.exists()
-    said = problem(file, roadmap.checker)
-    assert said.startswith(f"expected suffix .graphml or .npz, got {file.suffix!r}")
-    assert ("read_route_graph" in said) == (name == "r.geojson")
-
-
-@pytest.mark.parametrize("suffix", [*SUFFIXES, ".geojson"])
-def test_paths_that_cannot_be_written(roadmap: Roadmap, suffix: str, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"the directory .* does not exist"):
-        roadmap.save(tmp_path / "none" / f"r{suffix}")
-    (tmp_path / f"folder{suffix}").mkdir()
-    with pytest.raises(OutputError, match="is a directory"):
-        roadmap.save(tmp_path / f"folder{suffix}")
 
 
 @pytest.mark.parametrize("suffix", [*SUFFIXES, ".geojson"])
 def test_a_file_is_written_whole_or_not_at_all(
     roadmap: Roadmap, suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    with pytest.raises(OutputError, match=r"the directory .* does not exist"):
+        roadmap.save(tmp_path / "none" / f"r{suffix}")
     file = tmp_path / f"r{suffix}"
     file.write_text("old")
 
@@ -313,13 +256,16 @@ def test_a_file_is_written_whole_or_not_at_all(
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_missing_and_foreign_files(roadmap: Roadmap, suffix: str, tmp_path: Path) -> None:
-    assert problem(tmp_path / f"none{suffix}", roadmap.checker).startswith("cannot be read: No such file")
-    (tmp_path / f"folder{suffix}").mkdir()
-    assert problem(tmp_path / f"folder{suffix}", roadmap.checker).startswith("cannot be read: Is a directory")
+    assert problem(tmp_path / f"none{suffix}", OPEN).startswith("cannot be read: No such file")
     file = tmp_path / f"r{suffix}"
     for content in (b"", b"hello", b"PK\x03\x04", b"\x93NUMPY", b"<graphml/>", b"<graphml><graph/>", b"\xff" * 99):
         file.write_bytes(content)
-        assert problem(file, roadmap.checker).startswith(f"not a readable {'.npz' if suffix == '.npz' else 'GraphML'}")
+        assert problem(file, OPEN).startswith(f"not a readable {'.npz' if suffix == '.npz' else 'GraphML'}")
+    other = tmp_path / f"r{suffix}.gz"
+    assert problem(other, OPEN) == "expected suffix .graphml or .npz, got '.gz'"
+    assert problem(tmp_path / "r.geojson", OPEN).endswith("; a route graph is read by read_route_graph")
+    with pytest.raises(OutputError, match=r"expected \.geojson, \.graphml, \.npz, got '.gz'"):
+        roadmap.save(other)
 
 
 def without(name: str) -> Change:
@@ -333,7 +279,7 @@ def put(name: str, value: Any) -> Change:
 def change(name: str, where: Any, value: Any) -> Change:
     def changed(content: dict[str, Any]) -> dict[str, Any]:
         array = content[name].copy()
-        array[where] = value
+        array[where] = array[value] if isinstance(value, slice) else value
         return content | {name: array}
 
     return changed
@@ -346,24 +292,18 @@ def change(name: str, where: Any, value: Any) -> Change:
             without("edges"),
             "expected arrays configurations, edges, status, fingerprint, checksum, got none named 'edges'",
         ),
-        (without("configurations"), "got none named 'configurations'"),
-        (without("status"), "got none named 'status'"),
-        (without("fingerprint"), "got none named 'fingerprint'"),
         (put("configurations", np.zeros((80, 2))), "configurations: expected shape (n, 3), got (80, 2)"),
-        (put("configurations", np.zeros(3)), "got (3,)"),
         (put("configurations", [["a"]]), "array 'configurations': expected numbers, got <U1"),
-        (put("configurations", np.zeros((4, 3), complex)), "got complex128"),
         (put("edges", np.zeros((5, 2))), "array 'edges': expected whole numbers, got float64"),
         (put("edges", np.zeros((5, 3), int)), "edges: expected shape (m, 2), got (5, 3)"),
         (put("status", np.zeros(5, int)), ", one for each edge, got (5,)"),
-        (put("status", 1), "got ()"),
         (put("checksum", 7), "array 'checksum': expected text, got int64"),
         (change("configurations", (5, 1), np.nan), "configurations[5]: expected finite numbers, got ["),
-        (change("configurations", (5, 1), -np.inf), "configurations[5]: expected finite numbers, got ["),
         (change("configurations", (5, 1), 1e300), "got 1 of 80 that are not"),
         (change("edges", (2, 1), 80), "edges[2]: expected nodes 0 to 79, got ["),
         (change("edges", (2, 0), -1), "edges[2]: expected nodes 0 to 79, got [-1, "),
         (change("edges", 2, [4, 4]), "edges[2]: expected two different nodes, got [4, 4]"),
+        (change("edges", slice(6, 7), slice(2, 3)), "edges[6]: expected each pair once, got ["),
         (change("status", 9, 3), "status[9]: expected 0, 1, 2, got 3"),
     ],
 )
@@ -371,16 +311,6 @@ def test_npz_that_is_no_roadmap(roadmap: Roadmap, damage: Change, said: str, tmp
     file = tmp_path / "r.npz"
     np.savez(file, **damage(arrays(roadmap, tmp_path)))
     assert said in problem(file, roadmap.checker)
-
-
-def test_an_edge_given_twice(roadmap: Roadmap, tmp_path: Path) -> None:
-    content = arrays(roadmap, tmp_path)
-    edges = content["edges"].copy()
-    edges[6] = edges[2][::-1]
-    np.savez(tmp_path / "r.npz", **(content | {"edges": edges}))
-    assert problem(tmp_path / "r.npz", roadmap.checker).startswith(
-        f"edges[6]: expected each pair once, got {edges[6].tolist()}"
-    )
 
 
 class Trap:
@@ -394,8 +324,7 @@ class Trap:
 
 
 def test_nothing_is_unpickled(roadmap: Roadmap, tmp_path: Path) -> None:
-    sprung, file = tmp_path / "sprung", tmp_path / "r.npz"
-    content = arrays(roadmap, tmp_path)
+    sprung, file, content = tmp_path / "sprung", tmp_path / "r.npz", arrays(roadmap, tmp_path)
     for name in content:
         np.savez(file, **(content | {name: np.array([Trap(sprung)], dtype=object)}))
         assert problem(file, roadmap.checker).startswith("not a readable .npz file: Object arrays cannot be loaded")
@@ -405,18 +334,23 @@ def test_nothing_is_unpickled(roadmap: Roadmap, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_archives_that_unpack_to_too_much(roadmap: Roadmap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_that_unpack_to_too_much(tmp_path: Path) -> None:
     file = tmp_path / "r.npz"
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("configurations.npy", bytes(2**27 + 1))
     assert file.stat().st_size < 2**18
-    assert problem(file, roadmap.checker) == "expected at most 134,217,728 bytes unpacked, got 134,217,729"
+    assert problem(file, OPEN) == "expected at most 134,217,728 bytes unpacked, got 134,217,729"
     # A header that promises more than there is.
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**15, 3)})
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("configurations.npy", header.getvalue())
-    assert problem(file, roadmap.checker).startswith("not a readable .npz file: ")
+    assert problem(file, OPEN).startswith("not a readable .npz file: ")
+    # Entities that multiply.
+    lines = ['<!ENTITY e0 "aaaaaaaaaa">', *(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 10))]
+    text = f"<!DOCTYPE graphml [{''.join(lines)}]>\n<graphml><graph><desc>&e9;</desc></graph></graphml>"
+    (tmp_path / "r.graphml").write_text(text)
+    assert problem(tmp_path / "r.graphml", OPEN).startswith("not a readable GraphML file: ")
 
 
 GRAPH = """<graphml xmlns="http://graphml.graphdrawing.org/xmlns">
@@ -434,69 +368,205 @@ EDGE = '<edge source="0" target="1"><data key="c">true</data></edge>'
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ({"theta": "nan"}, "configurations[0]: expected finite numbers, got [5.0, 5.0, nan]"),
-        ({"theta": "inf"}, "configurations[0]: expected finite numbers, got [5.0, 5.0, inf]"),
+        ({"theta": "nan"}, "node 0: theta: expected a finite number, got nan"),
         ({"theta": "east"}, "not a readable GraphML file: could not convert string to float: 'east'"),
         ({"kind": "string", "theta": "1"}, "node 0: theta: expected a finite number, got '1'"),
-        ({"kind": "boolean", "theta": "true"}, "node 0: theta: expected a finite number, got 'True'"),
-        ({"kind": "long", "theta": "9" * 400}, f"node 0: theta: expected a finite number, got '{'9' * 60}'"),
+        ({"kind": "long", "theta": "9" * 400}, "node 0: theta: expected a finite number, got 999"),
         ({"second": "one"}, "not a readable GraphML file: invalid literal for int()"),
         ({"edges": '<edge source="0" target="1"/>'}, "edge 0-1: certified: expected true or false, got 'None'"),
-        ({"edges": '<edge source="0" target="2"/>'}, "node 2: x: expected a finite number, got 'None'"),
+        ({"edges": '<edge source="0" target="2"/>'}, "node 2: x: expected a finite number, got None"),
         ({"edges": EDGE + EDGE}, "edges[1]: expected each pair once, got [0, 1]"),
         ({"edges": EDGE.replace('"1"', '"0"')}, "edges[0]: expected two different nodes, got [0, 0]"),
         ({"edges": "<edge"}, "not a readable GraphML file: not well-formed"),
     ],
 )
 def test_graphml_that_is_no_roadmap(parts: dict[str, str], said: str, tmp_path: Path) -> None:
-    checker = StateChecker(World("open", (0, 0, 10, 10)), Robot.rectangle(1, 0.5))
-    file = tmp_path / "r.graphml"
-    sound = {"kind": "double", "theta": "0", "second": "1", "edges": EDGE}
+    file, sound = tmp_path / "r.graphml", {"kind": "double", "theta": "0", "second": "1", "edges": EDGE}
     file.write_text(GRAPH.format(**sound))
-    assert len(load_roadmap(file, checker)) == 2
+    assert len(load_roadmap(file, OPEN)) == 2
     file.write_text(GRAPH.format(**(sound | parts)))
-    assert problem(file, checker).startswith(said)
+    assert problem(file, OPEN).startswith(said)
 
 
-@pytest.mark.slow
-def test_entities_do_not_multiply(tmp_path: Path) -> None:
-    lines = ['<!ENTITY e0 "aaaaaaaaaa">', *(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 10))]
-    text = f"<!DOCTYPE graphml [{''.join(lines)}]>\n<graphml><graph><desc>&e9;</desc></graph></graphml>"
-    (tmp_path / "r.graphml").write_text(text)
-    assert problem(tmp_path / "r.graphml", CHECKERS["L"]).startswith("not a readable GraphML file: ")
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder, roadmap = tmp_path_factory.mktemp("damaged"), made(CHECKERS["disc"])
+    files = {suffix: folder / f"whole{suffix}" for suffix in SUFFIXES}
+    for file in files.values():
+        roadmap.save(file)
+    return files
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @settings(max_examples=few(100, of=4))
 @given(data=st.data())
-def test_damaged_files_are_refused_in_one_line(suffix: str, data: st.DataObject) -> None:
-    whole = WHOLE[suffix]
-    at = data.draw(st.integers(0, len(whole) - 1))
+def test_damaged_files_are_refused_in_one_line(whole: dict[str, Path], suffix: str, data: st.DataObject) -> None:
+    content = whole[suffix].read_bytes()
+    at = data.draw(st.integers(0, len(content) - 1))
+    damaged = content[:at]
     if data.draw(st.booleans()):
-        damaged = whole[:at] + data.draw(st.binary(min_size=1, max_size=4)) + whole[at + 1 :]
-    else:
-        damaged = whole[:at]
-    file = FOLDER / f"damaged{suffix}"
+        damaged += data.draw(st.binary(min_size=1, max_size=4)) + content[at + 1 :]
+    file, checker = whole[suffix].with_stem("damaged"), CHECKERS["disc"]
     file.write_bytes(damaged)
     try:
-        roadmap = load_roadmap(file, CHECKERS["disc"])
+        roadmap = load_roadmap(file, checker)
     except TrailmarkError:
-        problem(file, CHECKERS["disc"])
+        problem(file, checker)
         return
     # What is still readable holds no certificate that the checker would not give.
     q, edges = roadmap.configurations, roadmap.edges[roadmap.certified]
-    assert CHECKERS["disc"].motions_valid(q[edges[:, 0]], q[edges[:, 1]]).all()
+    assert checker.motions_valid(q[edges[:, 0]], q[edges[:, 1]]).all()
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _damaged(tmp_path_factory: pytest.TempPathFactory, roadmaps: dict[str, Roadmap]) -> None:
-    global FOLDER
-    FOLDER = tmp_path_factory.mktemp("damaged")
-    for suffix in SUFFIXES:
-        roadmaps["disc"].save(FOLDER / f"whole{suffix}")
-        WHOLE[suffix] = (FOLDER / f"whole{suffix}").read_bytes()
+# --- route graphs --------------------------------------------------------------------------------------------------
 
 
-FOLDER: Path
-WHOLE: dict[str, bytes] = {}
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["disc", "L"])
+def test_nav2_gets_certified_edges_both_ways(name: str, tmp_path: Path) -> None:
+    roadmap, file = made(CHECKERS[name], 100), tmp_path / "r.geojson"
+    assert (roadmap.status == UNDECIDED).any()
+    roadmap.save(file)
+    document = json.loads(file.read_text())
+    assert document["type"] == "FeatureCollection"
+    assert all(feature["type"] == "Feature" for feature in document["features"])
+    ids = [feature["properties"]["id"] for feature in document["features"]]
+    assert len(set(ids)) == len(ids)
+    assert all(isinstance(each, int) and 0 <= each < 2**32 for each in ids)
+    nodes, clearances, edges = {}, [], {}
+    for feature in document["features"]:
+        properties, geometry = feature["properties"], feature["geometry"]
+        if geometry["type"] == "Point":
+            assert properties["frame"] == "map"
+            nodes[properties["id"]] = np.array([*geometry["coordinates"], properties["metadata"]["theta"]])
+            clearances.append(properties["metadata"]["clearance"])
+        else:
+            start, end = properties["startid"], properties["endid"]
+            assert geometry == {"type": "LineString", "coordinates": [nodes[i][:2].tolist() for i in (start, end)]}
+            edges[start, end] = properties["cost"]
+    assert all(np.array_equal(q, roadmap.configurations[node]) for node, q in nodes.items())
+    oracle = Oracle(WORLD, ROBOTS[name])
+    assert clearances == pytest.approx(oracle.clearance(np.array(list(nodes.values()))), abs=1e-6)
+    assert len(edges) == len(ids) - len(nodes) == 2 * np.count_nonzero(roadmap.certified)
+    assert {tuple(pair) for pair in roadmap.edges[roadmap.certified].tolist()} < set(edges)
+    # Only nodes that an edge joins; nav2 would else send robots to dead ends.
+    assert {node for pair in edges for node in pair} == set(nodes)
+    for (start, end), cost in edges.items():
+        a, b = nodes[start], nodes[end]
+        turn = abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2]))) if name != "disc" else 0.0
+        assert cost == edges[end, start] == pytest.approx(math.dist(a[:2], b[:2]) + 0.5 * turn, abs=1e-9)
+    a, b = (np.array([nodes[pair[i]] for pair in edges]) for i in (0, 1))
+    assert not oracle.collides(motion_states(a, b, 50).reshape(-1, 3)).any()
+    graph = read_route_graph(file)
+    assert {pair: graph.edges[pair]["cost"] for pair in graph.edges} == edges
+    assert all(graph.nodes[node]["position"] == (q[0], q[1]) for node, q in nodes.items())
+    assert all(graph.nodes[node]["metadata"]["theta"] == q[2] for node, q in nodes.items())
+
+
+def test_what_nav2_could_not_use_is_not_written(tmp_path: Path) -> None:
+    world = World("wall", (0, 0, 10, 10), (Rectangle((5, 5), 1, 10),))
+    roadmap = Roadmap(StateChecker(world, Robot.disc(0.5)))
+    roadmap.add(np.array([[2.0, 5.0, 0.0], [8.0, 5.0, 0.0]]))
+    with pytest.raises(OutputError, match="the roadmap has no certified edge, nav2 needs one or more"):
+        roadmap.save(tmp_path / "r.geojson")
+    curves = Roadmap(CHECKERS["car"])
+    assert isinstance(curves.motion, CurveMotion)
+    with pytest.raises(OutputError, match="curves"):
+        curves.save(tmp_path / "r.geojson")
+    assert not list(tmp_path.iterdir())
+
+
+def point(node: Any, x: Any = 0.0, y: Any = 0.0, **properties: Any) -> dict[str, Any]:
+    geometry = {"type": "Point", "coordinates": [x, y]}
+    return {"type": "Feature", "properties": {"id": node, **properties}, "geometry": geometry}
+
+
+def line(edge: Any, start: Any, end: Any, kind: str = "LineString", **properties: Any) -> dict[str, Any]:
+    ids = {"id": edge, "startid": start, "endid": end}
+    return {"type": "Feature", "properties": ids | properties, "geometry": {"type": kind, "coordinates": []}}
+
+
+def written(folder: Path, *features: Any) -> Path:
+    file = folder / "graph.geojson"
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return file
+
+
+def test_depots_route_graph(shared_data: Path) -> None:
+    file = shared_data / "nav2" / "depot_graph.geojson"
+    graph = read_route_graph(str(file))
+    assert (len(graph.nodes), len(graph.edges)) == (34, 78)
+    for feature in json.loads(file.read_text())["features"]:
+        properties, at = feature["properties"], feature["geometry"]["coordinates"]
+        if feature["geometry"]["type"] == "Point":
+            assert list(graph.nodes[properties["id"]]["position"]) == at
+        else:
+            attributes = graph.edges[properties["startid"], properties["endid"]]
+            assert attributes == {"id": properties["id"], "length": pytest.approx(math.dist(*at))}
+    # The published routes keep a small robot out of the map's obstacles, if both are read in the same frame.
+    world = World.load(shared_data / "nav2" / "depot.yaml")
+    ends = np.array([[(*graph.nodes[node]["position"], 0.0) for node in edge] for edge in graph.edges])
+    assert StateChecker(world, Robot.disc(0.15)).motions_valid(ends[:, 0], ends[:, 1]).all()
+
+
+def test_all_that_nav2_takes(tmp_path: Path) -> None:
+    file = written(
+        tmp_path,
+        line(7, 1, 2, "MultiLineString", cost=3, metadata={"speed_limit": 0.5}),
+        line(9, 1, 2, cost=4),
+        point(1, 0.0, 0.0, frame="odom", metadata={"class": "dock"}, operations=[]),
+        point(2.0, 3, 4, other="x"),
+        {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": []}},
+        {"type": "Feature", "properties": None, "geometry": None},
+        line(8, 2, 1, overridable=False),
+        point(3, 6, 8) | {"geometry": {"type": "Point", "coordinates": [6, 8, 1.5]}},
+    )
+    graph = read_route_graph(file)
+    assert dict(graph.nodes(data=True)) == {
+        1: {"position": (0.0, 0.0), "frame": "odom", "metadata": {"class": "dock"}},
+        2: {"position": (3.0, 4.0)},
+        3: {"position": (6.0, 8.0)},
+    }
+    assert {(u, v): data for u, v, data in graph.edges(data=True)} == {
+        (1, 2): {"id": 7, "length": 5.0, "cost": 3.0, "metadata": {"speed_limit": 0.5}},
+        (2, 1): {"id": 8, "length": 5.0},
+    }
+
+
+@pytest.mark.parametrize(
+    ("features", "said"),
+    [
+        ([point(1), line(2, 1, 5)], "features[1]: endid: expected the id of a Point feature, got 5"),
+        ([point(1), point(1)], "features[1]: expected each node id once, got 1 again"),
+        ([point(1)], "expected Point and LineString features, one or more of each, got 1 nodes and 0 edges"),
+        ([3, None, "x"], "got 0 nodes and 0 edges"),
+        ([point(-1)], "features[0]: id: expected a whole number, 0 to 4294967295, got -1"),
+        ([point(2**32)], "features[0]: id: expected a whole number, 0 to 4294967295, got 4294967296"),
+        ([point("a\nb")], "got 'a\\nb'"),
+        ([point(1) | {"properties": None}], "features[0]: expected an object 'properties' with an id, got none"),
+        ([point(1), line(2, 1, None)], "features[1]: endid: expected a whole number, 0 to 4294967295, got None"),
+        ([point(1, "0")], "features[0]: coordinates: expected a finite number, got '0'"),
+        ([point(1, 0, 10**400)], "features[0]: coordinates: expected a finite number, got 1000"),
+        ([point(1, 0, float("inf"))], "got inf"),
+        ([point(1) | {"geometry": {"type": "Point"}}], "features[0]: coordinates: expected [x, y], got None"),
+        ([point(1), line(2, 1, 1, cost="low")], "features[1]: cost: expected a finite number, got 'low'"),
+    ],
+)
+def test_files_that_are_no_route_graph(features: list[Any], said: str, tmp_path: Path) -> None:
+    assert said in problem(written(tmp_path, *features), read_route_graph)
+
+
+def test_files_that_are_no_json(tmp_path: Path) -> None:
+    file = tmp_path / "graph.geojson"
+    assert problem(file, read_route_graph).startswith("cannot be read: No such file")
+    for text, said in (
+        ("", "1: not valid JSON: Expecting value"),
+        ('{"features": [\n1,]}', "2: not valid JSON: "),
+        ("[]", "expected a GeoJSON FeatureCollection, got no list 'features'"),
+        ("[" * 100_000, "not valid JSON: nested too deeply"),
+        (f'{{"features": [{"9" * 5000}]}}', "not valid JSON: nested too deeply or a number too long"),
+        ("\0", "not a text file; expected GeoJSON"),
+    ):
+        file.write_text(text)
+        assert said in problem(file, read_route_graph)

@@ -10,9 +10,8 @@ from tests.support.trials import few
 from trailmark import StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.motion import motion_of
-from trailmark.roadmap import Roadmap
+from trailmark.roadmap import EdgeStatus, Roadmap
 from trailmark.roadmap.revalidation import revalidated
-from trailmark.roadmap.store import EdgeStatus
 from trailmark.shapes import Shape
 from trailmark.world import Robot, World
 

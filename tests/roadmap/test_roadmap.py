@@ -9,6 +9,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -24,43 +25,54 @@ from trailmark.errors import ConfigurationError
 from trailmark.landmarks import free_samples
 from trailmark.motion import TranslationMotion
 from trailmark.roadmap import Roadmap
-from trailmark.shapes import Rectangle
+from trailmark.roadmap.snapshot import RoadmapSnapshot
+from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
+from trailmark.zones import OneWayZone
+
+networkx: Any = nx  # whose functions carry no types
 
 FloatArray = NDArray[np.float64]
+
+CAR = Robot.rectangle(1.6, 0.8).steered(1.5)
+ASIDE = np.array([0.01, 0.0, 0.0])
+MOVERS = {**ROBOTS, "car": CAR, "forward car": CAR.steered(1.5, reverse=False)}
 
 
 def checker_for(name: str, seed: int = 1, obstacles: int = 60) -> StateChecker:
     world = random_world(seed, obstacles, size=40.0, radii=(0.3, 3.0), discs=0.3, holes=0.2)
-    return StateChecker(world, ROBOTS[name], cell=0.2)
+    return StateChecker(world, MOVERS[name], cell=0.2)
 
 
 def roadmap_for(name: str, seed: int = 1, n: int = 150, obstacles: int = 60) -> Roadmap:
     roadmap = Roadmap(checker_for(name, seed, obstacles))
-    roadmap.add(free_samples(roadmap.checker, n, random_state=seed))
+    q = free_samples(roadmap.checker, n, random_state=seed)
+    roadmap.add(q[: n // 2])
+    roadmap.add(q[n // 2 :])
     return roadmap
 
 
-def cost(a: FloatArray, b: FloatArray, turning: bool = True) -> float:
+def cost(roadmap: Roadmap, a: FloatArray, b: FloatArray) -> float:
     """Cost of a motion, in metres, with the turn measured as the angle between two unit vectors."""
+    if isinstance(roadmap.checker.robot.turning_radius, float):
+        return float(roadmap.motion.steering.lengths(a, b))  # type: ignore[attr-defined]  # a car's
     angle = abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
-    return math.dist(a[:2], b[:2]) + (0.5 * angle if turning else 0.0)
+    return math.dist(a[:2], b[:2]) + (0.0 if isinstance(roadmap.motion, TranslationMotion) else 0.5 * angle)
 
 
-def certified_graph(roadmap: Roadmap) -> nx.Graph:
+def certified_graph(roadmap: Roadmap) -> Any:
     """A networkx graph of all certified edges, weighted by this file's own costs."""
     roadmap.certify_all()
-    q, turning = roadmap.configurations, not isinstance(roadmap.motion, TranslationMotion)
-    graph = nx.Graph()
+    q = roadmap.configurations
+    graph: Any = nx.DiGraph() if roadmap.directed else nx.Graph()
     graph.add_nodes_from(range(len(q)))
     for u, v in roadmap.edges[roadmap.certified].tolist():
-        graph.add_edge(u, v, weight=cost(q[u], q[v], turning))
+        graph.add_edge(u, v, weight=cost(roadmap, q[u], q[v]))
     return graph
 
 
 def way_cost(roadmap: Roadmap, nodes: NDArray[np.int64]) -> float:
-    q = roadmap.configurations[nodes]
-    return sum(cost(a, b, not isinstance(roadmap.motion, TranslationMotion)) for a, b in pairwise(q))
+    return sum(cost(roadmap, a, b) for a, b in pairwise(roadmap.configurations[nodes]))
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -71,76 +83,85 @@ def test_edges_join_nearest_neighbours_once(name: str) -> None:
     first = 0
     for size, neighbours in ((1, None), (5, 3), (0, 3), (60, 7), (40, None), (3, 200)):
         q = free_samples(checker, size, random_state=first)
-        added = roadmap.add(q, neighbours=neighbours)
         n = first + size
-        assert added.tolist() == list(range(first, n))
-        assert len(roadmap) == n
+        assert roadmap.add(q, neighbours=neighbours).tolist() == list(range(first, n))
         assert np.array_equal(roadmap.configurations[first:], q)
         pairs = roadmap.edges
         assert (pairs[:, 0] != pairs[:, 1]).all()
-        assert len(np.unique(np.sort(pairs, axis=1), axis=0)) == len(pairs)
-        assert len(roadmap.lengths) == len(roadmap.status) == len(roadmap.certified) == len(pairs)
+        assert len(np.unique(np.sort(pairs, axis=1), axis=0)) == len(pairs) == len(roadmap.lengths)
         # Brute force: the k nearest of each new node, itself left out.
         at = roadmap.configurations
         points = np.column_stack([at[:, :2], radius * np.cos(at[:, 2]), radius * np.sin(at[:, 2])])
         apart = cdist(points, points)
         np.fill_diagonal(apart, np.inf)
         k = math.ceil(4 / 3 * math.e * math.log(max(n, 2))) if neighbours is None else neighbours
-        joined = {frozenset(pair) for pair in pairs.tolist()}
-        new = {pair for pair in joined if max(pair) >= first}
-        expected = {frozenset((i, int(j))) for i in range(first, n) for j in np.argsort(apart[i])[: min(k, n - 1)]}
-        assert new == expected
+        new = {frozenset(pair) for pair in pairs.tolist() if max(pair) >= first}
+        assert new == {frozenset((i, int(j))) for i in range(first, n) for j in np.argsort(apart[i])[: min(k, n - 1)]}
         first = n
-    turning = name != "disc"
-    q, pairs = roadmap.configurations, roadmap.edges
-    assert roadmap.lengths == pytest.approx([cost(q[u], q[v], turning) for u, v in pairs.tolist()], abs=1e-12)
-    assert np.array_equal(roadmap.certified, roadmap.status == FREE)
+    q = roadmap.configurations
+    assert roadmap.lengths == pytest.approx([cost(roadmap, q[u], q[v]) for u, v in roadmap.edges.tolist()], abs=1e-12)
+    assert roadmap.distances_to(4) == pytest.approx([cost(roadmap, row, q[4]) for row in q], abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["disc", "rectangle"])
-def test_a_path_is_joined_edge_by_edge(name: str) -> None:
-    roadmap = roadmap_for(name, n=200)
-    way = roadmap.shortest_path(0, max(range(200), key=lambda i: len(roadmap.shortest_path(0, i).nodes))).nodes
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["car", "forward car"])
+def test_a_cars_edges_are_shortest_curves_to_near_nodes(name: str) -> None:
+    roadmap = roadmap_for(name)
+    q, edges = roadmap.configurations, roadmap.edges
+    assert roadmap.lengths == pytest.approx([cost(roadmap, q[u], q[v]) for u, v in edges.tolist()])
+    pairs = {tuple(pair) for pair in (edges if roadmap.directed else np.sort(edges, axis=1)).tolist()}
+    assert len(pairs) == len(edges)
+    # Most of each node's five nearest by curve length are among its neighbours.
+    lengths = np.array([roadmap.distances_to(i) for i in range(len(q))]).T
+    np.fill_diagonal(lengths, np.inf)
+    near = [(a, int(b)) for a, row in enumerate(np.argsort(lengths, axis=1)[:, :5]) for b in row]
+    assert np.mean([(pair if roadmap.directed else tuple(sorted(pair))) in pairs for pair in near]) > 0.9
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "car"])
+def test_a_path_is_joined_edge_by_edge_and_once(name: str) -> None:
+    roadmap = roadmap_for(name)
+    way = max((roadmap.shortest_path(0, i).nodes for i in range(len(roadmap))), key=len)
     states = roadmap.configurations[way]
-    # New vertices near and far apart: halfway along every motion, then only some of them.
-    middles = 0.5 * (states[:-1, :2] + states[1:, :2])
-    for shift, path in enumerate(
-        (
-            np.insert(states[:, :2], np.arange(1, len(states)), middles, axis=0),
-            states[[0, *range(2, len(states) - 1, 3), -1], :2],
-        )
-    ):
-        q = np.column_stack([path + 1e-3 * (shift + 1), np.full(len(path), 0.5)])
-        q[[0, -1]] = states[[0, -1]]
-        n = len(roadmap)
-        along = roadmap.add_path(q)
-        assert along.tolist() == [int(way[0]), *range(n, n + len(path) - 2), int(way[-1])]
-        assert np.array_equal(roadmap.configurations[along], q)
-        pairs = [tuple(sorted(pair)) for pair in roadmap.edges.tolist()]
-        assert len(set(pairs)) == len(pairs) == len(roadmap.lengths) == len(roadmap.status)
-        status = dict(zip(pairs, roadmap.status.tolist(), strict=True))
-        assert {status[min(u, v), max(u, v)] for u, v in pairwise(along.tolist())} == {FREE}
-        # Once more, it is there already; a state given twice in a row counts once.
-        edges = len(roadmap.edges)
-        assert roadmap.add_path(np.repeat(q, 2, axis=0)).tolist() == along.tolist()
-        assert (len(roadmap), len(roadmap.edges)) == (n + len(path) - 2, edges)
+    assert roadmap.add_path(states).tolist() == way.tolist()
+    inner = states[1:-1] + np.array([1e-9, 0.0, 0.0])  # all but the ends are new
+    q, n = np.vstack([states[:1], inner, states[-1:]]), len(roadmap)
+    along = roadmap.add_path(q)
+    assert along.tolist() == [int(way[0]), *range(n, n + len(inner)), int(way[-1])]
+    assert np.array_equal(roadmap.configurations[along], q)
+    pairs = [tuple(sorted(pair)) for pair in roadmap.edges.tolist()]
+    assert len(set(pairs)) == len(pairs) == len(roadmap.lengths) == len(roadmap.status)
+    status = dict(zip(pairs, roadmap.status.tolist(), strict=True))
+    assert {status[min(u, v), max(u, v)] for u, v in pairwise(along.tolist())} == {FREE}
+    # Once more, it is there already; a state given twice in a row counts once.
+    assert roadmap.add_path(np.repeat(q, 2, axis=0)).tolist() == along.tolist()
+    assert (len(roadmap), len(roadmap.edges)) == (n + len(inner), len(pairs))
+    assert roadmap.ends(np.vstack([q[:1], q[:1] + 1e-9])).tolist() == [along[0], len(roadmap) - 1]
+
+
+def test_a_tree_hangs_on_nodes_and_on_itself() -> None:
+    roadmap = roadmap_for("forward car", n=60)
+    n = len(roadmap)
+    hung = roadmap.add_tree(roadmap.configurations[:2] + ASIDE, np.array([0, n]), reverse=True)
+    assert {(int(hung[0]), 0), (int(hung[1]), int(hung[0]))} <= {tuple(e) for e in roadmap.edges.tolist()}
+    # Those beside a joined node are no news; those beside nothing are.
+    beside = roadmap.configurations[2:5] + ASIDE
+    assert len(roadmap.fresh(beside, 0.1)) == 0
+    assert len(roadmap.fresh(beside, 1e-3)) == 3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_certified_edges_do_not_collide(name: str) -> None:
     roadmap = roadmap_for(name, n=60)
-    undecided = np.count_nonzero(roadmap.status == UNDECIDED)
     before = roadmap.status.copy()
     roadmap.certify_all()
+    assert (before == UNDECIDED).any()
     assert not (roadmap.status == UNDECIDED).any()
-    assert undecided > 0
-    decided = before != UNDECIDED
-    assert np.array_equal(roadmap.status[decided], before[decided])
+    assert np.array_equal(roadmap.status[before != UNDECIDED], before[before != UNDECIDED])
     oracle = Oracle(roadmap.checker.world, roadmap.checker.robot)
     a, b = (roadmap.configurations[roadmap.edges[:, i]] for i in (0, 1))
-    hit = np.zeros(len(a), np.bool_)
-    hit |= oracle.collides(motion_states(a, b, 40).reshape(-1, 3)).reshape(-1, 40).any(axis=1)
+    hit = np.asarray(oracle.collides(motion_states(a, b, 40).reshape(-1, 3)).reshape(-1, 40).any(axis=1))
     # Back it is the same way but for half a turn.
     half = np.abs(np.abs(se2.difference(a, b)[:, 2]) - math.pi) < 1e-6
     if half.any():
@@ -163,14 +184,13 @@ def test_an_edge_of_half_a_turn_is_not_taken_backwards() -> None:
     roadmap = Roadmap(checker)
     roadmap.add(np.array([right, left]))
     for start, goal in ((0, 1), (1, 0)):
-        nodes = roadmap.shortest_path(start, goal).nodes
-        q = roadmap.configurations[nodes]
+        q = roadmap.configurations[roadmap.shortest_path(start, goal).nodes]
         assert checker.motions_valid(q[:-1], q[1:]).all()
 
 
 @pytest.mark.slow
 @settings(max_examples=few(25))
-@given(seed=st.integers(0, 10_000), name=st.sampled_from(sorted(ROBOTS)), obstacles=st.sampled_from([20, 60, 120]))
+@given(seed=st.integers(0, 10_000), name=st.sampled_from(sorted(MOVERS)), obstacles=st.sampled_from([20, 60, 120]))
 def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> None:
     roadmap = roadmap_for(name, seed, 120, obstacles)
     n = len(roadmap)
@@ -182,7 +202,7 @@ def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> N
     for start, goal in rng.integers(0, n, (6, 2)).tolist():
         banned = rng.random(n) < 0.2
         banned[[start, goal]] = False
-        left: Any = graph.copy()
+        left = graph.copy()
         left.remove_nodes_from(np.flatnonzero(banned).tolist())
         for rest, ban in ((graph, None), (left, banned)):
             nodes, reached, _ = roadmap.shortest_path(start, goal, banned=ban)
@@ -202,46 +222,65 @@ def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> N
                 above, below = (roadmap.shortest_path(start, goal, banned=ban, limit=best + d) for d in (1e-6, -1e-6))
                 assert way_cost(roadmap, above.nodes) == pytest.approx(best, abs=1e-9)
                 assert len(below.nodes) == 0
+        assert set(np.flatnonzero(roadmap.reached(start)).tolist()) == {start, *networkx.descendants(graph, start)}
+        into = np.flatnonzero(roadmap.reached(start, reverse=True)).tolist()
+        assert set(into) == {start, *networkx.ancestors(graph, start)}
     # What the search has decided on its way, the batch decides alike.
     checked = roadmap.status != UNDECIDED
     assert np.array_equal(roadmap.status[checked], whole.status[checked])
 
 
-@pytest.mark.parametrize(("start", "goal"), [(-1, 0), (0, 20), (99, 3)])
-def test_nodes_that_are_not_there(start: int, goal: int) -> None:
-    roadmap = roadmap_for("disc", n=20)
-    wrong = start if not 0 <= start < 20 else goal
-    with pytest.raises(ConfigurationError, match=f"node: expected 0 or more, below 20, got {wrong}"):
-        roadmap.shortest_path(start, goal)
+def test_a_path_ends_at_the_goal_that_is_cheapest_to_reach() -> None:
+    roadmap = roadmap_for("rectangle", n=200, obstacles=20)
+    start, *goals = free_samples(roadmap.checker, 5, random_state=7)
+    alone = [roadmap.find_path(start, goal) for goal in goals]
+    costs = np.array([roadmap.motion.cost_of(found.states) if len(found.states) else np.inf for found in alone])
+    extra = np.array([0.0, 3.0, 8.0, 1.0])
+    for charges in (None, extra, extra[::-1], 20.0 * extra):
+        found = roadmap.find_path(start, np.array(goals), goal_costs=charges).states
+        total = costs + (0.0 if charges is None else charges)
+        best = int(np.argmin(total))
+        assert np.array_equal(found[[0, -1]], [start, goals[best]])
+        assert roadmap.motion.cost_of(found) == pytest.approx(costs[best])
+    # Nothing undecided is used where nothing is to be checked, and a budget ends the search.
+    fresh = roadmap_for("rectangle", n=200, obstacles=20)
+    status = fresh.status.copy()
+    fresh.find_path(start, goals[0], checking=False)
+    assert np.array_equal(fresh.status, status)
+    assert not fresh.find_path(start, goals[0], budget=1).complete
 
 
-@pytest.mark.parametrize("name", ["disc", "L"])
-def test_distances(name: str) -> None:
-    roadmap = roadmap_for(name, n=30)
-    q = roadmap.configurations
-    assert roadmap.distances_to(4) == pytest.approx([cost(row, q[4], name != "disc") for row in q], abs=1e-12)
+@pytest.mark.slow
+def test_one_way_zones_are_passed_one_way() -> None:
+    zone = OneWayZone(Polygon(np.array(shapely.box(4.0, 0.0, 6.0, 10.0).exterior.coords[:-1])), 0.0, 0.8)
+    roadmap = Roadmap(StateChecker(World("w", (0, 0, 10, 10), zones=(zone,)), Robot.disc(0.2)))
+    roadmap.add(np.array([[x, 5.0, 0.0] for x in (9.0, 7.0, 3.0, 1.0)]))
+    assert roadmap.shortest_path(3, 0).nodes.tolist()[:1] == [3]
+    assert len(roadmap.shortest_path(0, 3).nodes) == 0
 
 
-@pytest.mark.parametrize("name", ["disc", "rectangle", "star"])
+@pytest.mark.parametrize("name", ["disc", "star", "forward car"])
 def test_the_networkx_graph_says_all(name: str) -> None:
     roadmap = roadmap_for(name, n=80)
     oracle = Oracle(roadmap.checker.world, roadmap.checker.robot)
-    graph = roadmap.graph
-    assert type(graph) is nx.Graph
+    graph, q = roadmap.graph, roadmap.configurations
+    assert type(graph) is (nx.DiGraph if roadmap.directed else nx.Graph)
     assert list(graph.nodes) == list(range(80))
-    clearance = oracle.clearance(roadmap.configurations)
+    clearance = oracle.clearance(q)
     for i, attributes in graph.nodes(data=True):
-        assert set(attributes) == {"configuration", "clearance"}
-        assert attributes["configuration"] == tuple(roadmap.configurations[i].tolist())
-        assert attributes["clearance"] == pytest.approx(clearance[i], abs=1e-6)
-    status = {frozenset(pair): s for pair, s in zip(roadmap.edges.tolist(), roadmap.status.tolist(), strict=True)}
-    assert {frozenset(pair) for pair in graph.edges} == {pair for pair, s in status.items() if s != BLOCKED}
+        assert attributes == {
+            "configuration": tuple(q[i].tolist()),
+            "clearance": pytest.approx(clearance[i], abs=1e-6),
+        }
+    kind: Any = tuple if roadmap.directed else frozenset
+    status = {kind(pair): s for pair, s in zip(roadmap.edges.tolist(), roadmap.status.tolist(), strict=True)}
+    assert {kind(pair) for pair in graph.edges} == {pair for pair, s in status.items() if s != BLOCKED}
     for u, v, attributes in graph.edges(data=True):
-        assert set(attributes) == {"length", "certified", "clearance"}
-        q = roadmap.configurations
-        assert attributes["length"] == pytest.approx(cost(q[u], q[v], name != "disc"), abs=1e-12)
-        assert attributes["certified"] is (status[frozenset((u, v))] == FREE)
-        assert attributes["clearance"] == pytest.approx(min(clearance[u], clearance[v]), abs=1e-6)
+        assert attributes == {
+            "length": pytest.approx(cost(roadmap, q[u], q[v]) if roadmap.directed else attributes["length"]),
+            "certified": status[kind((u, v))] == FREE,
+            "clearance": pytest.approx(min(clearance[u], clearance[v]), abs=1e-6),
+        }
     # A copy: changing it does not change the roadmap.
     graph.remove_node(0)
     assert len(roadmap) == 80
@@ -252,6 +291,27 @@ def test_an_empty_roadmap() -> None:
     assert (len(roadmap), len(roadmap.graph), len(roadmap.certified)) == (0, 0, 0)
     roadmap.certify_all()
     assert roadmap.add(np.empty((0, 3))).tolist() == []
+    assert len(roadmap.fresh(np.array([[1.0, 1.0, 0.0]]), 1.0)) == 1
+    assert len(roadmap.find_path(np.array([1.0, 1.0, 0.0]), np.array([2.0, 1.0, 0.0])).states) == 0
     assert roadmap.add(np.array([[1.0, 1.0, 0.0]])).tolist() == [0]
     assert roadmap.shortest_path(0, 0).nodes.tolist() == [0]
     assert len(roadmap.edges) == 0
+
+
+def test_arrays_that_do_not_agree_are_told_in_one_line() -> None:
+    roadmap = roadmap_for("rectangle", n=20)
+    checker, (q, edges, lengths, status) = roadmap.checker, roadmap.rows()
+    for said, call in (
+        (r"to_go: expected shape \(20,\), .* got \(19,\)", lambda: roadmap.shortest_path(0, 1, to_go=np.zeros(19))),
+        ("banned: expected shape", lambda: roadmap.shortest_path(0, 1, banned=np.zeros(21, np.bool_))),
+        ("node: expected 0 or more, below 20, got 20", lambda: roadmap.distances_to(20)),
+        ("node: expected 0 or more, below 20, got -1", lambda: roadmap.shortest_path(-1, 0)),
+        ("below 20, got 99", lambda: roadmap.shortest_path(3, 99)),
+        ("got -1", lambda: RoadmapSnapshot(roadmap).between(-1, 0)),
+        ("neighbours: expected 1 or more, got 0", lambda: roadmap.add(q[:1], neighbours=0)),
+        ("got 20", lambda: Roadmap.from_arrays(checker, q, np.array([[0, 20]], np.int32), status[:1])),
+        ("status: expected one for each of", lambda: Roadmap.from_arrays(checker, q, edges, status[:-1])),
+        ("lengths: exp", lambda: Roadmap.from_arrays(checker, q, edges, status, lengths=lengths[:-1])),
+    ):
+        with pytest.raises(ConfigurationError, match=said):
+            call()

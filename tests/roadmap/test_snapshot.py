@@ -1,16 +1,12 @@
-"""Queries on a kept roadmap: shortest paths against networkx over the same links."""
+"""Queries on a kept roadmap: shortest paths against networkx over the same links, free by shapely."""
 
 from __future__ import annotations
-
-import math
-from itertools import pairwise
 
 import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from tests.helpers.oracle import Oracle
 from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
@@ -18,26 +14,20 @@ from tests.support.trials import few
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
-from trailmark.motion import TranslationMotion
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
-from trailmark.roadmap.spanner import Adjacency
-
-FloatArray = NDArray[np.float64]
 
 
-def as_graph(n: int, links: Adjacency) -> nx.Graph:
-    graph = nx.Graph()
-    graph.add_nodes_from(range(n))
-    for node in range(n):
-        for k in range(links.start[node], links.start[node + 1]):
-            graph.add_edge(node, int(links.node[k]), weight=float(links.length[k]))
-    return graph
-
-
-def cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
-    angle = abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
-    return math.dist(a[:2], b[:2]) + (0.5 * angle if turning else 0.0)
+def as_graph(graph: RoadmapSnapshot) -> nx.DiGraph:
+    """The snapshot's links, weighted by their motions' costs."""
+    q, links = graph.configurations, graph.links
+    sources = np.repeat(np.arange(len(q)), np.diff(links.start))
+    costs = graph.motion.costs(q[sources], q[links.node])
+    assert links.length == pytest.approx(costs, abs=1e-9)
+    whole = nx.DiGraph()
+    whole.add_nodes_from(range(len(q)))
+    whole.add_weighted_edges_from(zip(sources.tolist(), links.node.tolist(), costs.tolist(), strict=True))
+    return whole
 
 
 @pytest.mark.slow
@@ -50,7 +40,6 @@ def test_paths_of_cars_are_networkxs(reverse: bool) -> None:
     graph, whole = RoadmapSnapshot(roadmap, stretch=1.0), roadmap.graph
     whole.remove_edges_from([(u, v) for u, v, free in whole.edges(data="certified") if not free])
     assert whole.is_directed() != reverse
-    steering = Steering(1.5, reverse)
     found = 0
     for i, j in np.random.default_rng(0).integers(0, len(graph), (60, 2)).tolist():
         between = graph.between(i, j)
@@ -60,14 +49,13 @@ def test_paths_of_cars_are_networkxs(reverse: bool) -> None:
             assert between is None
             continue
         assert between is not None
-        assert float(np.sum(steering.lengths(between[:-1], between[1:]))) == pytest.approx(length, abs=1e-6)
+        assert graph.motion.cost_of(between) == pytest.approx(length, abs=1e-6)
         found += 1
     assert found > 30
     # From places that are no nodes, in the direction of driving.
-    ends = free_samples(checker, 60, random_state=4).reshape(-1, 2, 3)
-    joined = 0
-    for start, goal in ends:
-        states = graph.find_path(start.copy(), goal.copy())
+    steering, joined = Steering(1.5, reverse), 0
+    for start, goal in free_samples(checker, 60, random_state=4).reshape(-1, 2, 3):
+        states = graph.find_path(start, goal)
         if states is not None:
             assert np.array_equal(states[[0, -1]], [start, goal])
             along = steering.states(states[:-1], states[1:], np.linspace(0.0, 60.0, 600))
@@ -93,55 +81,42 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
     if len(roadmap) < 100:
         return
     graph = RoadmapSnapshot(roadmap, stretch=stretch)
-    q, turning = graph.configurations, not isinstance(graph.motion, TranslationMotion)
-    whole = as_graph(len(q), graph.links)
-    for u, v, data in whole.edges(data=True):
-        assert data["weight"] == pytest.approx(cost(q[u], q[v], turning), abs=1e-9)
+    q, whole, costs = graph.configurations, as_graph(graph), graph.motion.cost_of
     rng = np.random.default_rng(seed)
     for i, j in rng.integers(0, len(q), (5, 2)).tolist():
         between = graph.between(i, j)
-        if graph.components[i] != graph.components[j]:
-            assert between is None
-            continue
-        assert between is not None
-        assert np.array_equal(between[[0, -1]], q[[i, j]])
-        assert graph.motion.cost_of(between) == pytest.approx(nx.dijkstra_path_length(whole, i, j), abs=1e-9)
+        assert (between is not None) == (graph.components[i] == graph.components[j])
+        if between is not None:
+            assert np.array_equal(between[[0, -1]], q[[i, j]])
+            assert costs(between) == pytest.approx(nx.dijkstra_path_length(whole, i, j), abs=1e-9)
     ends = free_samples(checker, 12, random_state=seed + 1)
     for start, goal in ends[: len(ends) // 2 * 2].reshape(-1, 2, 3):
         closed = np.column_stack([rng.uniform(0.0, 40.0, (2, 2)), rng.uniform(0.0, 5.0, 2)])
         for discs in (None, closed):
             states = graph.find_path(start, goal, closed=discs, weight=weight)
-            if states is not None:
-                assert np.array_equal(states[[0, -1]], [start, goal])
-                assert checker.motions_valid(states[:-1], states[1:]).all()
-                assert graph.motion.cost_of(states) == pytest.approx(
-                    sum(cost(a, b, turning) for a, b in pairwise(states))
-                )
-            if discs is None and checker.motion_valid(start, goal):
-                assert states is not None
-                assert len(states) == 2
+            direct = discs is None and checker.motion_valid(start, goal)
+            assert not direct or (states is not None and len(states) == 2)
+            if states is None:
+                continue
+            assert np.array_equal(states[[0, -1]], [start, goal])
+            assert checker.motions_valid(states[:-1], states[1:]).all()
+            if direct:
                 continue
             inside = np.zeros(len(q), dtype=np.bool_)
             for x, y, r in () if discs is None else discs:
                 inside |= np.hypot(q[:, 0] - x, q[:, 1] - y) < r
-            if states is not None and len(states) > 2:
-                assert not any((q[inside] == state).all(axis=1).any() for state in states[1:-1])
-            if states is None:
-                continue
-            # The same search, by Dijkstra: the ends joined to as many of their nearest nodes as the query took.
+            assert not any((q[inside] == state).all(axis=1).any() for state in states[1:-1])
+            # The same search, by Dijkstra, between the nodes that its ends were joined to.
             rest = whole.copy()
             rest.remove_nodes_from(np.flatnonzero(inside).tolist())
-            first, last = states[1], states[-2]
-            i, j = (int(np.flatnonzero((q == node).all(axis=1))[0]) for node in (first, last))
-            best = nx.dijkstra_path_length(rest, i, j)
-            way = cost(start, first, turning) + best + cost(last, goal, turning)
-            assert way - 1e-9 <= graph.motion.cost_of(states) <= weight * way + 1e-9
+            i, j = (int(np.flatnonzero((q == node).all(axis=1))[0]) for node in states[[1, -2]])
+            way = costs(states[:2]) + nx.dijkstra_path_length(rest, i, j) + costs(states[-2:])
+            assert way - 1e-9 <= costs(states) <= weight * way + 1e-9
 
 
-def test_a_query_graph_is_as_the_roadmap_was() -> None:
+def test_a_snapshot_is_as_the_roadmap_was() -> None:
     checker = StateChecker(random_world(1, 20, size=40.0), ROBOTS["disc"], cell=0.2)
-    roadmap = Roadmap(checker)
-    q = free_samples(checker, 400, random_state=1)
+    roadmap, q = Roadmap(checker), free_samples(checker, 400, random_state=1)
     roadmap.add(q[:200])
     graph = RoadmapSnapshot(roadmap)
     before = graph.find_path(q[300], q[301])
@@ -154,12 +129,9 @@ def test_a_query_graph_is_as_the_roadmap_was() -> None:
 
 
 def test_an_empty_roadmap_answers_what_needs_no_roadmap() -> None:
-    checker = StateChecker(random_world(1, 0, size=40.0), ROBOTS["disc"])
-    graph = RoadmapSnapshot(Roadmap(checker))
-    states = graph.find_path(np.array([2.0, 2.0, 0.0]), np.array([9.0, 9.0, 0.0]))
+    graph = RoadmapSnapshot(Roadmap(StateChecker(random_world(1, 0, size=40.0), ROBOTS["disc"])))
+    ends = np.array([[2.0, 2.0, 0.0], [9.0, 9.0, 0.0]])
+    states = graph.find_path(*ends)
     assert states is not None
-    assert states.tolist() == [[2.0, 2.0, 0.0], [9.0, 9.0, 0.0]]
-    assert (
-        graph.find_path(np.array([2.0, 2.0, 0.0]), np.array([9.0, 9.0, 0.0]), closed=np.array([[5.0, 5.0, 1.0]]))
-        is None
-    )
+    assert np.array_equal(states, ends)
+    assert graph.find_path(*ends, closed=np.array([[5.0, 5.0, 1.0]])) is None

@@ -155,7 +155,14 @@ class Client:
         return future.result()
 
     def call(self, kind: Any, name: str, **fields: Any) -> Any:
-        return self.wait(self.caller(kind, name).call_async(kind.Request(**fields)))
+        """Return a service's answer; it is asked twice if need be, as answers may get lost on a busy machine."""
+        caller = self.caller(kind, name)
+        future, asked = caller.call_async(kind.Request(**fields)), time.monotonic()
+        while not future.done() and time.monotonic() < asked + 0.3 * PATIENCE:
+            self.executor.spin_once(timeout_sec=0.02)
+        if not future.done():
+            future = caller.call_async(kind.Request(**fields))
+        return self.wait(future)
 
     def now(self) -> Any:
         return self.node.get_clock().now().to_msg()

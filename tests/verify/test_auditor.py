@@ -43,17 +43,6 @@ def test_a_robot_that_drives_through_a_box() -> None:
     assert (found.length, found.rotation, found.cost) == (10.0, 0.0, 10.0)
 
 
-@pytest.mark.slow
-def test_a_free_path_and_where_it_is_narrowest() -> None:
-    found = audit((BOX, Disc((14.0, 8.0), 0.5)), SQUARE, [[5, 12, 0], [15, 12, 0], [15, 5, 0]])
-    assert found.free
-    assert found.collisions == ()
-    assert found.min_clearance == pytest.approx(0.0, abs=1e-6)  # the disc's edge at x = 14.5, as the robot's side
-    corner = audit((BOX,), SQUARE, [[5, 12.25, 0], [15, 12.25, 0]])
-    assert corner.min_clearance == pytest.approx(0.75, abs=1e-6)
-    assert 3.4 <= corner.min_clearance_at <= 6.6
-
-
 def test_every_obstacle_met_has_its_own_intervals() -> None:
     discs = tuple(Disc((x, 10.0), 0.5) for x in (6.0, 8.0, 10.0))
     world = World("w", BOUNDS, (*discs, Disc((3.0, 3.0), 1.0)), ids=("first", None, "third", None))
@@ -61,15 +50,6 @@ def test_every_obstacle_met_has_its_own_intervals() -> None:
     assert [c.obstacle for c in found.collisions] == ["first", 1, "third", "third", 1, "first"]
     assert [c.begin for c in found.collisions] == pytest.approx([1, 3, 5, 9, 11, 13], abs=1e-6)
     assert [c.depth for c in found.collisions] == pytest.approx([1.0] * 6, rel=1e-3)
-
-
-def test_overlapping_obstacles_are_told_apart() -> None:
-    found = audit((BOX, Disc((11.0, 10.0), 1.0)), Robot.disc(0.25), [[5, 10, 0], [15, 10, 0]])
-    rows: list[Any] = [(c.obstacle, c.begin, c.end) for c in found.collisions]
-    assert rows == [
-        (0, pytest.approx(3.75, abs=1e-6), pytest.approx(6.25, abs=1e-6)),
-        (1, pytest.approx(4.75, abs=1e-6), pytest.approx(7.25, abs=1e-6)),
-    ]
 
 
 def test_bounds_and_boundary() -> None:
@@ -118,13 +98,6 @@ def test_touching_while_turning() -> None:
             assert found.to_dict("w")["max_curvature"] is None
 
 
-def test_a_tiny_turn_on_a_long_way_along_a_wall() -> None:
-    wall = Rectangle((10.0, 5.0), 18.0, 1.0)
-    for turn in (1e-12, 1e-9, 1e-6):
-        assert audit((wall,), SQUARE, [[3, 6.0, 0], [17, 6.0, turn]]).free == (turn < 1e-6)
-        assert audit((wall,), SQUARE, [[3, 6.0 + 1e-6, 0], [17, 6.0 + 1e-6, turn]]).free
-
-
 def test_a_thin_wall_between_two_states() -> None:
     for thickness in (1e-3, 1e-6):
         wall = Rectangle((10.0, 10.0), thickness, 19.0)
@@ -164,19 +137,6 @@ def test_a_keep_out_zone_may_be_left_after_a_turn_in_place(robot: Robot) -> None
     assert not audit((), robot, [[3, 3, 0], [3, 3, 1.5]], zones=zones).free
 
 
-def test_a_vertex_that_is_passed() -> None:
-    # The tip of a diamond at (10, 11): the square's lower right corner comes to it and no farther, then 1e-5 m deeper.
-    diamond = Polygon(np.array([[9, 10], [10, 9], [11, 10], [10, 11.0]]))
-    for gap, free in ((0.0, True), (-1e-5, False)):
-        y = 11.5 + gap
-        assert audit((diamond,), SQUARE, [[5, y, 0], [15, y, 0]]).free == free
-    straight_through = audit(
-        (diamond,), Robot.polygon([[-0.5, 0], [0, -0.5], [0.5, 0], [0, 0.5]]), [[10, 19, 0], [10, 2, 0]]
-    )
-    (hit,) = straight_through.collisions
-    assert (hit.begin, hit.end) == pytest.approx((7.5, 10.5), abs=1e-4)
-
-
 def test_wholly_inside_an_obstacle_and_inside_a_hole() -> None:
     ring = Polygon(
         np.array([[2, 2], [18, 2], [18, 18], [2, 18.0]]), (np.array([[6, 6], [14, 6], [14, 14], [6, 14.0]]),)
@@ -209,13 +169,6 @@ def test_headings_around_pi_go_the_shorter_way() -> None:
         Robot.polygon([[0, -0.1], [2, -0.1], [2, 0.1], [0, 0.1]]),
         [[10, 10, -3.0], [10, 10, -0.1]],
     ).free
-
-
-def test_a_non_convex_robot_may_hold_an_obstacle_in_its_notch() -> None:
-    post = Disc((11.0, 11.0), 0.3)
-    assert audit((post,), L_ROBOT, [[10, 10, 0], [10.1, 10.1, 0]]).free
-    (hit,) = audit((post,), L_ROBOT, [[10, 10, 0], [12, 10, 0]]).collisions
-    assert hit.begin == pytest.approx(0.2, abs=1e-6)
 
 
 def test_a_car_s_curve_is_audited_not_the_chords_of_its_states() -> None:
@@ -312,12 +265,6 @@ def test_what_is_no_path_is_refused_in_one_line(path: Any, message: str) -> None
     with pytest.raises(ConfigurationError, match=message) as caught:
         audit((), SQUARE, path)
     assert "\n" not in str(caught.value)
-
-
-def test_the_names_are_in_the_module_of_audits_too() -> None:
-    from trailmark import audit as module
-
-    assert (module.check_path, module.PathAuditor, module.PathAudit) == (check_path, PathAuditor, PathAudit)
 
 
 def test_without_a_robot_or_a_world_nothing_is_audited() -> None:

@@ -7,7 +7,7 @@ import pytest
 from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
-from trailmark import Disc, LandmarkPlanner, Rectangle, Robot, StateChecker, World, check_path
+from trailmark import Rectangle, Robot, StateChecker, World, check_path
 from trailmark.landmarks import free_samples
 from trailmark.motion import motion_of
 from trailmark.planning.verification import Verification
@@ -35,32 +35,6 @@ def test_none_is_less_and_one_is_as_small(name: str) -> None:
         assert sampled - between - TOLERANCE <= found <= sampled + TOLERANCE + 1e-6
         positive += found > TOLERANCE
     assert positive > few(10)
-
-
-WALL, TIP = Rectangle((22.0, 1.25), 14.0, 1.0), Disc((3.65, -0.45), 0.1)
-"""A wall along the way, 0.5 m from the robot all along; a disc 0.1 m from it before the wall begins."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("heading", [0.0, 0.3, -2.0])
-@pytest.mark.parametrize(
-    "robot",
-    [Robot.rectangle(0.8, 0.5), Robot.disc(0.25), Robot.rectangle(0.8, 0.5).differential()],
-    ids=["rectangle", "disc", "differential"],
-)
-def test_a_wall_along_the_way_hides_nothing(robot: Robot, heading: float) -> None:
-    c, s = np.cos(heading), np.sin(heading)
-
-    def turned(x: float, y: float) -> tuple[float, float]:
-        return c * x - s * y, s * x + c * y
-
-    wall = Rectangle(turned(*WALL.center), WALL.length, WALL.width, heading)
-    world = World("w", (-40.0, -40.0, 40.0, 40.0), (wall, Disc(turned(*TIP.center), TIP.radius)), robot)
-    ends = (*turned(0.0, 0.0), heading), (*turned(29.0, 0.0), heading)
-    result = LandmarkPlanner(world, seed=0).plan(*ends, time_limit=0.05)
-    assert result.path is not None
-    assert len(result.path.states) == 2
-    assert result.min_clearance == pytest.approx(0.1, abs=TOLERANCE)
 
 
 @pytest.mark.slow

@@ -45,12 +45,6 @@ def test_broken_parts_are_planned_anew(robot: Robot) -> None:
     assert (path.states[outside, 1] == 5.0).all()
 
 
-def test_a_free_path_is_returned_as_it_is() -> None:
-    auditor = PathAuditor(StateChecker(WORLD, ROBOT))
-    audit = auditor.audit([[1, 1, 0], [19, 1, 0]])
-    assert repaired(auditor, audit, planned) is audit.path
-
-
 def test_where_there_is_no_way_there_is_no_path() -> None:
     asked = 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
+from dataclasses import replace
 from functools import cache
 from pathlib import Path as FilePath
 
@@ -15,7 +15,7 @@ from tests.support.trials import few, trials
 
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
 from trailmark.errors import InternalErrorWarning
-from trailmark.planning import solve as solving
+from trailmark.planning import pipeline as solving
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Query
 from trailmark.planning.result import PlanProgress, Status
@@ -183,7 +183,7 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
         return right(query, bound, known)
 
     planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
-    monkeypatch.setattr("trailmark.planning.single_query.solve", solve)
+    monkeypatch.setattr("trailmark.planning.pipeline.solve", solve)
     seen: list[PlanProgress] = []
     with pytest.warns(InternalErrorWarning, match="not free"):
         result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1, on_progress=seen.append)
@@ -209,7 +209,7 @@ def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.M
         return "solved"
 
     planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
-    monkeypatch.setattr("trailmark.planning.single_query.solve", solve)
+    monkeypatch.setattr("trailmark.planning.pipeline.solve", solve)
     answer = BatchSolver.answer
 
     def wrong(self: BatchSolver, *arguments: object) -> object:
@@ -226,27 +226,17 @@ def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.M
     assert (result.status, result.path) == ("timeout", None)
 
 
-@pytest.mark.parametrize("robot", [Robot.disc(0.4), Robot.rectangle(0.8, 0.4).steered(0.5)])
-def test_a_lower_bound_above_a_cost_is_not_told(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath, robot: Robot
-) -> None:
-    from trailmark.planning.proofs.bound import Bound, LowerBound
-
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    planner = LandmarkPlanner(WALL, robot, seed=0)
-    monkeypatch.setattr(LowerBound, "of", lambda *arguments: Bound(40.0, np.empty((0, 2))))
-    with pytest.warns(InternalErrorWarning, match="lower bound of 40"):
-        result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1)
-    assert result.status == "solved"
-    assert result.cost is not None
-    assert result.lower_bound == pytest.approx(8.0)
-    assert len(list(tmp_path.iterdir())) == 1
-
-
 @pytest.mark.slow
-def test_good_paths_cause_no_warning() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for robot in (Robot.disc(0.4), Robot.rectangle(0.8, 0.4), Robot.rectangle(0.8, 0.4).steered(0.5)):
-            result = LandmarkPlanner(WALL, robot, seed=0).plan(START, GOAL, time_limit=20.0, max_iterations=2)
-            assert result.status == "solved"
+@pytest.mark.parametrize("robot", [Robot.disc(0.4), Robot.rectangle(0.9, 0.5)])
+def test_verdicts_in_a_grid_map_are_those_of_the_polygons_of_its_cells(robot: Robot) -> None:
+    rng = np.random.default_rng(1)
+    world = World.from_grid(rng.random((20, 20)) < 0.05, 1.0)
+    mine, theirs = Verifier(world, robot, RIM), Verifier(replace(world, obstacles=tuple(world.obstacles)), robot, RIM)
+    free = 0
+    for _ in range(300):
+        a, b = np.column_stack([rng.uniform(1.0, 19.0, (2, 2)), rng.uniform(-3.0, 3.0, 2)])
+        path = Path(np.array([a, a + 0.3 * (b - a)]))
+        verdicts = [check.fault(path, path.states[0], path.states[1]) for check in (mine, theirs)]
+        assert (verdicts[0] is None) == (verdicts[1] is None)
+        free += verdicts[0] is None
+    assert 30 < free < 270

@@ -15,10 +15,9 @@ import numpy as np
 import shapely
 
 from trailmark import se2
-from trailmark.keep_out import with_keep_outs
 from trailmark.shapes import Disc, Polygon, triangulate
 from trailmark.touching import TOUCHING_TOLERANCE, overlap_core
-from trailmark.world import Query, Robot, World
+from trailmark.world import Query, Robot, World, with_keep_outs
 
 __all__ = ["VERSION", "problem_text"]
 

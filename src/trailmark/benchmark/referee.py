@@ -12,9 +12,8 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark.curves import Steering
-from trailmark.keep_out import with_keep_outs
 from trailmark.shapes import Disc
-from trailmark.world import Robot, World
+from trailmark.world import Robot, World, with_keep_outs
 from trailmark.zones import OneWayZone
 
 __all__ = ["Referee"]

@@ -141,10 +141,11 @@ def recorded_path(found: PathFile, file: Path) -> RobotPath:
     from trailmark.arguments import brief, real
     from trailmark.curves import CurvePath, Steering
     from trailmark.errors import FormatError, TrailmarkError
+    from trailmark.path import Path as RobotPath
     from trailmark.robot import TURNING_LIMIT
 
     if found.curve is None:
-        return found.path
+        return RobotPath(found.states)
     curve = found.curve if isinstance(found.curve, dict) else {}
     kind, radius, knots, places = (curve.get(key) for key in ("kind", "turning_radius", "knots", "places"))
     if kind not in ("dubins", "reeds-shepp"):
@@ -156,8 +157,8 @@ def recorded_path(found: PathFile, file: Path) -> RobotPath:
         curves = CurvePath(knots, Steering(real(radius), reverse=kind == "reeds-shepp"), places)  # type: ignore[arg-type]  # checked
     except TrailmarkError as error:
         raise FormatError(file, f"curve: {error}") from None
-    same = len(curves) == len(found.path) and np.allclose(curves.states, found.path.states, rtol=0.0, atol=1e-6)
-    return curves if same else found.path
+    same = len(curves) == len(found.states) and np.allclose(curves.states, found.states, rtol=0.0, atol=1e-6)
+    return curves if same else RobotPath(found.states)
 
 
 def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:

@@ -15,8 +15,8 @@ from trailmark.cli.options import UsageError, option
 
 if TYPE_CHECKING:
     from trailmark.collision import StateChecker
+    from trailmark.landmarks import Spread
     from trailmark.landmarks.executions import Execution
-    from trailmark.landmarks.stability import Spread
     from trailmark.path import Path as RobotPath
     from trailmark.roadmap import Roadmap
     from trailmark.se2 import FloatArray
@@ -88,8 +88,8 @@ def landmarks(
         import numpy as np
 
         from trailmark.collision import StateChecker
+        from trailmark.landmarks import spread_of_runs
         from trailmark.landmarks.executions import execute_paper, execute_se2
-        from trailmark.landmarks.stability import spread_of_runs
 
         progress.stage("preparing (compiles on first use)")
         checker = StateChecker(loaded, body)
@@ -137,7 +137,7 @@ def _count_for(
     checker: StateChecker, sensor_range: float, start: FloatArray | None, *, headings: bool, seed: int
 ) -> int:
     """Return how many landmarks the sensor's range asks for."""
-    from trailmark.landmarks.sensor_range import landmarks_for_range
+    from trailmark.landmarks.executions import landmarks_for_range
 
     home = start if start is not None and checker.valid(start) else None
     radius = checker.footprint.sweep_radius if headings else 0.0

@@ -15,10 +15,10 @@ from trailmark.cli.options import Configuration, UsageError, option
 
 if TYPE_CHECKING:
     from trailmark.goals import Goal
-    from trailmark.layers import Layers
     from trailmark.objective import Objective
     from trailmark.path import Path as TrailPath
     from trailmark.planning import PlanResult
+    from trailmark.shown import Layers
     from trailmark.world import Robot, World
 
 ANIMATION_SUFFIXES = (".gif",)
@@ -203,7 +203,7 @@ def read_clearance(text: Text, relax: bool) -> float | None:
 
 def read_layers(text: Text, plot: Text) -> Layers:
     """Return the layers of the picture."""
-    from trailmark.layers import ALL, Layers
+    from trailmark.shown import ALL, Layers
 
     if text is not None and plot is None:
         raise UsageError(f"--layers {text!r} given without --plot; expected both or neither")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from trailmark.cli import console
@@ -21,14 +23,13 @@ def warmup(as_json: JsonOption = False) -> None:
 
     Kernels compiled before come from the cache; after an interruption the command continues.
     """
-    from trailmark.compiled.cache import cache_contents
-    from trailmark.compiled.side_by_side import compiled_side_by_side
+    from trailmark.jit import side_by_side
 
-    begun, since = time.perf_counter(), time.time()
+    begun, before = time.perf_counter(), len(_kept()[0])
     stages = _stages()
     with (
         console.progress("preparing (compiles on first use)") as progress,
-        compiled_side_by_side(list(stages.values())),
+        side_by_side(list(stages.values())),
     ):
         for done, (name, warm) in enumerate(stages.items()):
             progress.stage(f"preparing the kernels for {name}")
@@ -38,24 +39,35 @@ def warmup(as_json: JsonOption = False) -> None:
             except KeyboardInterrupt:
                 console.warn(f"{done} of {len(stages)} stages are ready; the same command goes on with {name}")
                 raise
-    seconds, cache = time.perf_counter() - begun, cache_contents(since)
+    seconds, (files, folder) = time.perf_counter() - begun, _kept()
+    written, size = len(files) - before, sum(file.stat().st_size for file in files)
+    free = shutil.disk_usage(folder).free if folder else 0
     if as_json:
-        facts = {**cache._asdict(), "folder": cache.folder and str(cache.folder)}
+        kept = str(folder) if folder else None
+        facts = {"folder": kept, "files": len(files), "written": written, "size": size, "free": free}
         console.say(console.json_text({"kernels": list(stages), "cache": facts, "time": {"total": seconds}}))
         return
     console.say(f"all kernels are ready, in {len(stages)} stages ({seconds:.1f} s)")
-    if cache.folder is None:
+    if folder is None:
         console.say("  cache  none: no folder can be written to (NUMBA_CACHE_DIR names one)")
         return
-    new = f"{cache.written:,} of them new" if cache.written else "none of them new"
+    new = f"{written:,} of them new" if written else "none of them new"
     console.print_table(
         [
-            ("cache", str(cache.folder)),
-            ("kernels", f"{cache.files:,}, {new}"),
-            ("size", f"{cache.size / 1e6:,.0f} MB, {cache.free / 1e9:,.1f} GB are left on the disk"),
+            ("cache", str(folder)),
+            ("kernels", f"{len(files):,}, {new}"),
+            ("size", f"{size / 1e6:,.0f} MB, {free / 1e9:,.1f} GB are left on the disk"),
         ],
         indent="  ",
     )
+
+
+def _kept() -> tuple[list[Path], Path | None]:
+    """Return the files of machine code that are kept, and their folder; None if there is none."""
+    from trailmark.jit import kernel_folder
+
+    folder = kernel_folder()
+    return list(folder.rglob("*.nbc")) if folder else [], folder
 
 
 def _stages() -> dict[str, Callable[[], None]]:

@@ -12,7 +12,7 @@ than ρ + R, so that none moves by more than Δs·(1 + R/ρ).
 from __future__ import annotations
 
 from math import cos, fabs, hypot, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,15 +29,17 @@ from trailmark.collision.kernels import (
     workspace,
 )
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import by_type, njit, variant_of
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import turn
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
+from trailmark.variants import by_type, variant_of
 
 __all__ = [
     "BUDGET",
     "CONTACT",
     "END_ZONE",
+    "EXACT",
     "CurveTrack",
     "StraightTrack",
     "certify",
@@ -65,8 +67,13 @@ the robot than its rim meets any, and what is left over at an end that is valid.
 END_ZONE = 1e-3
 """Metres from either end of a motion in which it may come closer than CONTACT, as one that starts in contact does."""
 
-BUDGET = 20_000
-"""Maximum number of configurations evaluated for one motion; a motion that needs more is not certified."""
+BUDGET: Any = np.int64(20_000)
+"""Maximum number of configurations evaluated for one motion; a motion that needs more is not certified.
+
+Of numpy's type: for each constant of Python's own numba compiles what takes it anew."""
+
+EXACT: Any = np.bool_(True)
+"""Whether to look at more than the clearance field; of numpy's type likewise."""
 
 
 class StraightTrack(NamedTuple):
@@ -117,13 +124,13 @@ def pose(track: StraightTrack | CurveTrack, along: float) -> tuple[float, float,
 
 
 @variant_of(pose, StraightTrack)
-@njit(cache=True)
+@callee
 def _straight_pose(track: StraightTrack, along: float) -> tuple[float, float, float]:
     return track.x + along * track.dx, track.y + along * track.dy, track.theta + along * track.dtheta
 
 
 @variant_of(pose, CurveTrack)
-@njit(cache=True)
+@callee
 def _curve_pose(track: CurveTrack, along: float) -> tuple[float, float, float]:
     k = track.used - 1
     while track.pieces[k, 5] > along:
@@ -134,19 +141,19 @@ def _curve_pose(track: CurveTrack, along: float) -> tuple[float, float, float]:
     return found
 
 
-@njit(cache=True)
+@callee
 def end_gap(robot: Footprint) -> float:
     """Return how long (metres of movement) the zone at either end of a motion is in which the robot may touch."""
     return min(CONTACT, END_SHARE * float(robot.inner[0, 2]))
 
 
-@njit(cache=True)
+@njit
 def new_queue() -> FloatArray:
     """Return memory for the gaps of one motion, shape (128, 2): the newest-first rule never needs more."""
     return np.empty((128, 2))
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def certify(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -231,7 +238,7 @@ def certify(
     return BLOCKED if exact else UNDECIDED
 
 
-@njit(cache=True)
+@callee
 def motion(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -241,13 +248,13 @@ def motion(
     a: FloatArray,
     b: FloatArray,
     exact: bool,
-    budget: int = BUDGET,
+    budget: int,
 ) -> int:
     """Return what :func:`certify` returns for the straight motion from a to b, each of shape (3,)."""
     return int(certify(grid, field, robot, placed, queue, straight_track(robot, a, b), exact, budget))
 
 
-@njit(cache=True)
+@callee
 def straight_track(robot: Footprint, a: FloatArray, b: FloatArray) -> StraightTrack:
     """Return the straight motion from a to b, each of shape (3,), as a track."""
     dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
@@ -256,7 +263,7 @@ def straight_track(robot: Footprint, a: FloatArray, b: FloatArray) -> StraightTr
     return StraightTrack(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound)
 
 
-@njit(cache=True)
+@array_callee
 def curve_motion(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -266,13 +273,13 @@ def curve_motion(
     a: FloatArray,
     word: FloatArray,
     radius: float,
-    budget: int = BUDGET,
+    budget: int,
 ) -> int:
     """Return what :func:`certify` returns for the curve of a word, shape (2, 5), from a."""
-    return int(certify(grid, field, robot, placed, queue, curve_track(robot, a, word, radius), True, budget))
+    return int(certify(grid, field, robot, placed, queue, curve_track(robot, a, word, radius), EXACT, budget))
 
 
-@njit(cache=True)
+@array_callee
 def curve_track(robot: Footprint, a: FloatArray, word: FloatArray, radius: float) -> CurveTrack:
     """Return the curve of a word, shape (2, 5), from a, shape (3,), as a track; the radius in metres."""
     pieces = np.empty((PIECES, 6))
@@ -290,7 +297,7 @@ def curve_track(robot: Footprint, a: FloatArray, word: FloatArray, radius: float
     return CurveTrack(pieces, used, radius, turning, bound)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def motions_certified(
     grid: ObstacleGrid, field: ClearanceField, robot: Footprint, a: FloatArray, b: FloatArray, exact: bool
 ) -> np.ndarray:
@@ -310,5 +317,5 @@ def motions_certified(
     placed, queue = workspace(robot), new_queue()
     result = np.empty(len(a), np.uint8)
     for i in range(len(a)):
-        result[i] = motion(grid, field, robot, placed, queue, a[i], b[i], exact)
+        result[i] = motion(grid, field, robot, placed, queue, a[i], b[i], exact, BUDGET)
     return result

@@ -19,8 +19,7 @@ from trailmark.collision.field import ClearanceField, build_field
 from trailmark.collision.footprint import Footprint, build_footprint
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
 from trailmark.errors import ConfigurationError, WorldError
-from trailmark.keep_out import with_keep_outs
-from trailmark.world import Robot, World
+from trailmark.world import Robot, World, with_keep_outs
 
 __all__ = ["StateChecker"]
 

@@ -7,13 +7,13 @@ from math import floor, hypot, sqrt
 import numpy as np
 
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["point_clearance", "point_depth", "ring_clearance"]
 
 
-@njit(cache=True)
+@callee
 def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the squared distance of a point to a segment."""
     dx, dy = bx - ax, by - ay
@@ -30,7 +30,7 @@ def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: fl
     return cross * cross / norm
 
 
-@njit(cache=True)
+@callee
 def _in_ring(ring: FloatArray, n: int, px: float, py: float) -> bool:
     """Return whether a point lies inside a ring of n vertices (even-odd rule)."""
     inside = False
@@ -44,7 +44,7 @@ def _in_ring(ring: FloatArray, n: int, px: float, py: float) -> bool:
     return inside
 
 
-@njit(cache=True)
+@callee
 def _segment_ring(ring: FloatArray, n: int, ax: float, ay: float, bx: float, by: float, limit: float) -> float:
     """Return the squared distance of a segment to a ring's edges, 0 where they cross, ``limit`` if not below."""
     best, reach = limit, sqrt(limit)
@@ -70,7 +70,7 @@ def _segment_ring(ring: FloatArray, n: int, ax: float, ay: float, bx: float, by:
     return best
 
 
-@njit(cache=True)
+@callee
 def _blocked_regions(grid: ObstacleGrid, px: float, py: float) -> int:
     """Return how many blocked regions (discs left out) cover a point; 1 outside the grid.
 
@@ -106,7 +106,7 @@ def _blocked_regions(grid: ObstacleGrid, px: float, py: float) -> int:
     return winding
 
 
-@njit(cache=True)
+@callee
 def ring_clearance(grid: ObstacleGrid, ring: FloatArray, n: int, x: float, y: float, cap: float) -> float:
     """Return min(clearance, cap) of the region within a ring of n vertices around (x, y); 0 on overlap."""
     x1 = y1 = np.inf
@@ -171,7 +171,7 @@ def ring_clearance(grid: ObstacleGrid, ring: FloatArray, n: int, x: float, y: fl
     return best
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def point_clearance(grid: ObstacleGrid, x: float, y: float, cap: float) -> float:
     """Return min(clearance, cap) of a point; 0 in an obstacle."""
     left = max(0, floor((x - cap - grid.x0) / grid.size))
@@ -201,7 +201,7 @@ def point_clearance(grid: ObstacleGrid, x: float, y: float, cap: float) -> float
     return best
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def point_depth(grid: ObstacleGrid, x: float, y: float, cap: float) -> float:
     """Return min(depth, cap): no point nearer than ``depth`` to this one is outside of all obstacles; 0 if it is."""
     left = max(0, floor((x - cap - grid.x0) / grid.size))

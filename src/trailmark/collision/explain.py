@@ -6,8 +6,7 @@ from trailmark import se2
 from trailmark.penetration import Penetration, outside_of
 from trailmark.shapes import Disc
 from trailmark.touching import TOUCHING_TOLERANCE
-from trailmark.world import Robot, World
-from trailmark.zones import KEEP_OUT
+from trailmark.world import KEEP_OUT, Robot, World
 
 __all__ = ["invalid_reason", "worst_overlap"]
 

@@ -16,11 +16,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import njit
 from trailmark.lock import Lock
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape, triangulate
-from trailmark.sorting import order_of
 from trailmark.touching import TOUCHING_TOLERANCE, overlap_core
 from trailmark.world import Robot, World
 
@@ -63,7 +62,8 @@ class FclScene:
         box = _placed_box(self._outline, self._radius + self._kept, float(q[0]), float(q[1]), float(q[2]))
         if self._beyond_bounds(box) > TOUCHING_TOLERANCE:
             return True
-        near = _meeting(self._boxes, *box)
+        near, apart = _meeting(self._boxes, *box)
+        near = near[np.argsort(apart)]
         if len(near) == 0:
             return False
         with self._turns:
@@ -99,7 +99,7 @@ class FclScene:
         return max(xmin - box[0], box[2] - xmax, ymin - box[1], box[3] - ymax)
 
 
-@njit(cache=True)
+@njit
 def _placed_box(outline: FloatArray, radius: float, x: float, y: float, theta: float) -> Box:
     """Return xmin, ymin, xmax, ymax of an outline (v, 2) at a configuration, thickened by ``radius``; metres."""
     c, s = math.cos(theta), math.sin(theta)
@@ -112,9 +112,11 @@ def _placed_box(outline: FloatArray, radius: float, x: float, y: float, theta: f
     return xmin - radius, ymin - radius, xmax + radius, ymax + radius
 
 
-@njit(cache=True)
-def _meeting(boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: float) -> NDArray[np.int64]:
-    """Return which of the boxes, shape (4, n), may meet a box, first those that overlap it most."""
+@njit(nogil=True)
+def _meeting(
+    boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: float
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return which of the boxes, shape (4, n), may meet a box, and how far they are apart, negative where they do."""
     meets = np.empty(boxes.shape[1], np.bool_)
     xmin, ymin, xmax, ymax = (
         xmin - TOUCHING_TOLERANCE,
@@ -125,13 +127,11 @@ def _meeting(boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: flo
     for k in range(len(meets)):
         meets[k] = (boxes[0, k] <= xmax) & (boxes[1, k] <= ymax) & (boxes[2, k] >= xmin) & (boxes[3, k] >= ymin)
     found = np.flatnonzero(meets)
-    if len(found) < 2:
-        return found
     apart = np.empty(len(found))
     for i in range(len(found)):
         left, low, right, high = boxes[:, found[i]]
         apart[i] = max(left - xmax, xmin - right, low - ymax, ymin - high)
-    return found[order_of(apart)]
+    return found, apart
 
 
 def _overlap(a: Any, b: Any) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 
 __all__ = ["ClearanceField", "build_field", "distance_transform", "interpolated"]
 
@@ -45,7 +45,7 @@ def build_field(grid: ObstacleGrid) -> ClearanceField:
     return ClearanceField(distance, grid.x0, grid.y0, grid.size, slack)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def distance_transform(occupied: NDArray[np.bool_], size: float) -> NDArray[np.float32]:
     """Return each cell's distance (metres, shape (rows, columns)) to the nearest occupied cell, centre to centre.
 
@@ -94,7 +94,7 @@ def distance_transform(occupied: NDArray[np.bool_], size: float) -> NDArray[np.f
     return distance
 
 
-@njit(cache=True)
+@callee
 def interpolated(field: ClearanceField, x: float, y: float) -> tuple[float, float, float]:
     """Return the field's (unproven) distance between cell centres and its slope along x and y.
 

@@ -1,5 +1,6 @@
 """The robot's footprint as flat arrays: outline, covering discs and inner discs, for the compiled kernels."""
 
+# Kernels are made of this file too: trailmark.jit counts it.
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -15,7 +15,7 @@ from trailmark.collision.distances import point_clearance, ring_clearance
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import DEEP_TOLERANCE, Footprint
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -42,7 +42,7 @@ WIDEST_GAP = 1e-3
 """Metres: a core's gap wider than this would cost more time to search than it saves."""
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def field_value(field: ClearanceField, x: float, y: float) -> float:
     """Return the distance stored for the cell of (x, y); 0 outside the grid, where everything is blocked."""
     column = floor((x - field.x0) / field.size)
@@ -52,7 +52,7 @@ def field_value(field: ClearanceField, x: float, y: float) -> float:
     return 0.0
 
 
-@njit(cache=True)
+@callee
 def field_clearance(
     field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float, enough: float
 ) -> float:
@@ -71,7 +71,7 @@ def field_clearance(
     return max(best, worst)
 
 
-@njit(cache=True)
+@callee
 def _field_free(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float) -> bool:
     """Return whether the field proves a clearance of at least ROUNDING."""
     spare = field.slack + ROUNDING
@@ -84,7 +84,7 @@ def _field_free(field: ClearanceField, robot: Footprint, x: float, y: float, c: 
     return True
 
 
-@njit(cache=True)
+@callee
 def field_hit(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float) -> bool:
     """Return whether an inner disc proves a collision deeper than any tolerance."""
     for k in range(len(robot.inner)):
@@ -97,7 +97,7 @@ def field_hit(field: ClearanceField, robot: Footprint, x: float, y: float, c: fl
     return False
 
 
-@njit(cache=True)
+@callee
 def _place(outline: FloatArray, c: float, s: float, placed: FloatArray) -> int:
     """Write the outline, turned by (c, s) about the reference point, into ``placed``; return its length."""
     n = len(outline)
@@ -107,7 +107,7 @@ def _place(outline: FloatArray, c: float, s: float, placed: FloatArray) -> int:
     return n
 
 
-@njit(cache=True)
+@callee
 def exact_clearance(
     grid: ObstacleGrid,
     robot: Footprint,
@@ -125,7 +125,7 @@ def exact_clearance(
     return max(0.0, ring_clearance(grid, placed, n, x, y, cap + robot.dilation) - robot.dilation)
 
 
-@njit(cache=True)
+@callee
 def state(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -161,13 +161,13 @@ def state(
     return UNDECIDED
 
 
-@njit(cache=True)
+@njit
 def workspace(robot: Footprint) -> FloatArray:
     """Return memory for the placed outline, shape (v, 2)."""
     return np.empty((max(len(robot.outline), len(robot.core), 1), 2))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def states_free(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: FloatArray) -> np.ndarray:
     """Return FREE, BLOCKED or UNDECIDED (uint8, shape (n,)) for configurations of shape (n, 3)."""
     placed = workspace(robot)
@@ -177,7 +177,7 @@ def states_free(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: 
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def field_states(field: ClearanceField, robot: Footprint, q: FloatArray) -> np.ndarray:
     """Return what the field alone can prove (uint8, shape (n,)): FREE, BLOCKED or UNDECIDED."""
     result = np.empty(len(q), np.uint8)
@@ -192,7 +192,7 @@ def field_states(field: ClearanceField, robot: Footprint, q: FloatArray) -> np.n
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: FloatArray, cap: float) -> FloatArray:
     """Return min(clearance, cap) (metres, shape (n,)) of configurations of shape (n, 3); 0 on overlap."""
     placed = workspace(robot)
@@ -203,7 +203,7 @@ def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: F
     return result
 
 
-@njit(cache=True)
+@callee
 def field_cap(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float, cap: float) -> float:
     """Return a cap (metres) on the clearance: the nearest obstacle is no farther than the field's values stand for."""
     limit = min(cap, field_value(field, x, y) + field.slack + robot.circumradius)

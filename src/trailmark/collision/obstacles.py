@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.formats.grid import cells_of
+from trailmark.jit import callee, njit
 from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle
 from trailmark.world import World
 
@@ -149,14 +149,14 @@ def build_grid(world: World, size: float) -> ObstacleGrid:
     return ObstacleGrid(segments, discs, start, items, winding, float(x0), float(y0), float(size), columns, rows)
 
 
-@njit(cache=True)
+@callee
 def _cell_of(value: float, origin: float, size: float, count: int) -> int:
     """Return the index of the column or row that holds a coordinate, -1 below the grid and ``count`` above it."""
     # Clipped while it is still a float: an obstacle may reach so far that no integer holds the index.
     return int(min(max(np.floor((value - origin) / size), -1.0), float(count)))
 
 
-@njit(cache=True)
+@njit
 def _covering(
     discs: FloatArray, order: NDArray[np.int64], x0: float, y0: float, size: float, columns: int, rows: int
 ) -> NDArray[np.int32]:
@@ -181,7 +181,7 @@ def _covering(
     return cover
 
 
-@njit(cache=True)
+@njit
 def _touched_cells(
     segments: FloatArray,
     discs: FloatArray,
@@ -248,7 +248,7 @@ def _touched_cells(
     return cells[:count], owners[:count]
 
 
-@njit(cache=True)
+@njit
 def _sorted_by_cell(
     cells: NDArray[np.int64], owners: NDArray[np.int32], columns: int, rows: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -270,7 +270,7 @@ def _sorted_by_cell(
     return start, items
 
 
-@njit(cache=True)
+@njit
 def _winding(
     segments: FloatArray, enclosing: int, x0: float, y0: float, size: float, columns: int, rows: int
 ) -> NDArray[np.int32]:

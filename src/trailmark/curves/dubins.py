@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from math import asin, atan2, cos, fabs, floor, hypot, pi, sin, sqrt
 
-from trailmark.compiled import njit
 from trailmark.curves.words import SAME, put
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["dubins_words"]
@@ -22,14 +22,14 @@ __all__ = ["dubins_words"]
 _CSC_SAME, _CSC_OTHER, _CCC = (1.0, 0.0, 1.0, 0.0, 0.0), (1.0, 0.0, -1.0, 0.0, 0.0), (1.0, -1.0, 1.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@callee
 def _turn(angle: float, spare: float) -> float:
     """Return an angle in [0, 2 pi), one that is no farther than ``spare`` below a full turn as 0."""
     turn = angle - 2.0 * pi * floor(angle / (2.0 * pi))
     return 0.0 if turn >= 2.0 * pi - spare else turn
 
 
-@njit(cache=True)
+@callee
 def _outer(first: float, total: float, side: float, spare: float) -> tuple[float, float]:
     """Return the first and the last arc, together ``total``, or their difference if ``side`` is -1.
 
@@ -41,7 +41,7 @@ def _outer(first: float, total: float, side: float, spare: float) -> tuple[float
     return (t, v) if v > 0.0 else (_turn(total, SAME), 0.0)
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def dubins_words(x: float, y: float, phi: float, same: float, words: FloatArray) -> int:
     """Write the words that lead to (x, y, phi) to ``words``; return how many there are (at least one).
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from math import acos, asin, atan2, cos, fabs, floor, hypot, pi, sin, sqrt
 
-from trailmark.compiled import njit
 from trailmark.curves.words import SAME, put
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["reeds_shepp_words"]
@@ -25,13 +25,13 @@ _LRLR, _LRSL, _LRSR = (1.0, -1.0, 1.0, -1.0, 0.0), (1.0, -1.0, 0.0, 1.0, 0.0), (
 _LRSLR = (1.0, -1.0, 0.0, 1.0, -1.0)
 
 
-@njit(cache=True)
+@callee
 def _half_turn(angle: float) -> float:
     """Return an angle in [-pi, pi)."""
     return angle - 2.0 * pi * floor((angle + pi) / (2.0 * pi))
 
 
-@njit(cache=True)
+@callee
 def _outer(first: float, total: float, side: float, spare: float) -> tuple[float, float]:
     """Return the first and the last arc, together ``total``, or their difference if ``side`` is -1.
 
@@ -45,7 +45,7 @@ def _outer(first: float, total: float, side: float, spare: float) -> tuple[float
     return (_half_turn(total), 0.0) if -spare <= v < 0.0 else (t, v)
 
 
-@njit(cache=True)
+@callee
 def _ends(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float, float]:
     """Return the first and the last arc (tau and omega, 8.5 and 8.6) of the words CCCC with middle arcs u and v."""
     delta = _half_turn(u - v)
@@ -57,7 +57,7 @@ def _ends(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float,
     return tau, _half_turn(tau - u + v - phi)
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def reeds_shepp_words(x: float, y: float, phi: float, same: float, words: FloatArray) -> int:
     """Write the words that lead to (x, y, phi) to ``words``; return how many there are (at least one).
 
@@ -108,7 +108,7 @@ def reeds_shepp_words(x: float, y: float, phi: float, same: float, words: FloatA
     return n
 
 
-@njit(cache=True)
+@callee
 def _same_in_both_orders(
     xl: float,
     yl: float,

@@ -6,10 +6,10 @@ from math import fabs
 
 import numpy as np
 
-from trailmark.compiled import njit
 from trailmark.curves.dubins import dubins_words
 from trailmark.curves.reeds_shepp import reeds_shepp_words
 from trailmark.curves.words import PIECES, reversed_word, rounding, seen_from, unit_length, walk
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -27,7 +27,7 @@ MAX_WORDS = 56
 """Maximum number of words of either kind of car."""
 
 
-@njit(cache=True)
+@callee
 def _comes_first(a: FloatArray, b: FloatArray) -> bool:
     """Return whether a comes before b in the order of x, then y, then heading, or is equal to it."""
     if a[0] != b[0]:
@@ -35,7 +35,7 @@ def _comes_first(a: FloatArray, b: FloatArray) -> bool:
     return bool(a[1] < b[1] if a[1] != b[1] else a[2] <= b[2])
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def all_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> tuple[int, bool]:
     """Write all words from a to b to ``words``; return how many there are, and whether they lead from b to a.
 
@@ -50,7 +50,7 @@ def all_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words:
     return n, swapped
 
 
-@njit(cache=True)
+@callee
 def shortest_of(words: FloatArray, n: int) -> tuple[int, float]:
     """Return which of the first n words is the shortest, the first of those that are, and its length in radii."""
     best, shortest = 0, np.inf
@@ -61,7 +61,7 @@ def shortest_of(words: FloatArray, n: int) -> tuple[int, float]:
     return best, shortest
 
 
-@njit(cache=True)
+@njit
 def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> FloatArray:
     """Return the word, shape (2, 5), of the shortest curve from a to b.
 
@@ -77,7 +77,7 @@ def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, wo
     return reversed_word(words[best]) if swapped else words[best]
 
 
-@njit(cache=True)
+@callee
 def as_long(words: FloatArray, n: int, best: int, length: float, slack: float, number: int) -> int:
     """Return which of the first n words, but ``best``, is the ``number``-th of that length (radii), -1 if none is."""
     for k in range(n):
@@ -88,14 +88,14 @@ def as_long(words: FloatArray, n: int, best: int, length: float, slack: float, n
     return -1
 
 
-@njit(cache=True)
+@callee
 def curve_length(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> float:
     """Return the length (metres) of the shortest curve from a to b; ``words`` is memory as above."""
     n, _ = all_words(a, b, radius, reverse, words)
     return radius * shortest_of(words, n)[1]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def curve_lengths(a: FloatArray, b: FloatArray, radius: float, reverse: bool) -> FloatArray:
     """Return the lengths (metres, shape (n,)) of the shortest curves from a to b, each of shape (n, 3)."""
     words = np.empty((MAX_WORDS, 2, PIECES))
@@ -105,7 +105,7 @@ def curve_lengths(a: FloatArray, b: FloatArray, radius: float, reverse: bool) ->
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def curve_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool) -> FloatArray:
     """Return the words, shape (n, 2, 5), of the shortest curves from a to b, each of shape (n, 3)."""
     words = np.empty((MAX_WORDS, 2, PIECES))
@@ -115,7 +115,7 @@ def curve_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool) -> F
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def curve_states(a: FloatArray, words: FloatArray, radius: float, along: FloatArray) -> FloatArray:
     """Return the configurations, shape (n, k, 3), ``along`` (n, k) metres from a (n, 3) on words (n, 2, 5)."""
     result = np.empty((along.shape[0], along.shape[1], 3))

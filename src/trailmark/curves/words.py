@@ -10,8 +10,8 @@ from math import cos, fabs, sin
 
 import numpy as np
 
-from trailmark.compiled import njit
 from trailmark.heading import turn, wrapped
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["PIECES", "SAME", "drive", "put", "reversed_word", "rounding", "seen_from", "unit_length", "walk"]
@@ -26,7 +26,7 @@ _PLACES = 16 * 2.0**-52
 """Maximum effect of rounding on a place, as a part of the largest coordinate: a few roundings of each end."""
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def drive(x: float, y: float, theta: float, side: float, length: float, radius: float) -> tuple[float, float, float]:
     """Return where a car is after ``length`` metres (negative: backwards) on one side; the heading is not wrapped.
 
@@ -37,7 +37,7 @@ def drive(x: float, y: float, theta: float, side: float, length: float, radius: 
     return x + chord * cos(theta + half), y + chord * sin(theta + half), theta + 2.0 * half
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def walk(a: FloatArray, word: FloatArray, radius: float, along: float, q: FloatArray) -> None:
     """Write the configuration ``along`` metres from a on a word to q, heading in (-pi, pi]; at most its end."""
     x, y, theta = a[0], a[1], a[2]
@@ -53,7 +53,7 @@ def walk(a: FloatArray, word: FloatArray, radius: float, along: float, q: FloatA
     q[2] = wrapped(theta)
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def unit_length(word: FloatArray) -> float:
     """Return a word's length in turning radii."""
     total = 0.0
@@ -62,7 +62,7 @@ def unit_length(word: FloatArray) -> float:
     return total
 
 
-@njit(cache=True)
+@callee
 def put(
     words: FloatArray,
     n: int,
@@ -90,7 +90,7 @@ def put(
     return n + 1
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def seen_from(a: FloatArray, b: FloatArray, radius: float) -> tuple[float, float, float]:
     """Return b in a's frame: x and y in turning radii, the heading in (-pi, pi]."""
     dx, dy = (b[0] - a[0]) / radius, (b[1] - a[1]) / radius
@@ -98,14 +98,14 @@ def seen_from(a: FloatArray, b: FloatArray, radius: float) -> tuple[float, float
     return c * dx + s * dy, c * dy - s * dx, turn(a[2], b[2])
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def rounding(a: FloatArray, b: FloatArray, radius: float) -> float:
     """Return the turning radii by which rounding may move b, seen from a, off the line or the arc that it is on."""
     largest = max(fabs(a[0]), fabs(a[1]), fabs(b[0]), fabs(b[1]))
     return max(SAME, _PLACES * largest / radius)
 
 
-@njit(cache=True)
+@njit
 def reversed_word(word: FloatArray) -> FloatArray:
     """Return the word of the same curve in the opposite direction."""
     back = np.empty_like(word)

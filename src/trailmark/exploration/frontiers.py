@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
-from trailmark.landmarks.kmeans import lloyd
+from trailmark.jit import callee, njit
+from trailmark.landmarks.sampling import lloyd
 from trailmark.se2 import FloatArray
 
-__all__ = ["Frontiers", "frontiers_of", "line_is_free", "nearest_looks", "places_in_sight", "sight"]
+__all__ = ["Frontiers", "frontiers_of", "nearest_looks", "places_in_sight", "sight"]
 
 GAP = 2
 """Cells: as wide a gap in a surface, or a narrower one, is not looked through."""
@@ -121,7 +121,7 @@ def _divided(points: FloatArray, group: NDArray[np.intp], longest: float) -> NDA
     return np.unique(divided, return_inverse=True)[1].astype(np.intp)
 
 
-@njit(cache=True)
+@callee
 def line_is_free(state: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: float) -> bool:
     """Return whether a line of sight leads through free cells; those that it only touches in a corner do not count.
 
@@ -147,7 +147,7 @@ def line_is_free(state: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: 
             row += step_y
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def sight(state: NDArray[np.uint8], places: FloatArray, edges: FloatArray, farthest: FloatArray) -> NDArray[np.bool_]:
     """Return which places see which edges between free and unknown cells, shape (n, m).
 
@@ -167,7 +167,7 @@ def sight(state: NDArray[np.uint8], places: FloatArray, edges: FloatArray, farth
     return seen
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def nearest_looks(
     state: NDArray[np.uint8], places: FloatArray, cells: NDArray[np.int64], farthest: float
 ) -> FloatArray:
@@ -193,7 +193,7 @@ def nearest_looks(
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def places_in_sight(
     state: NDArray[np.uint8],
     ranks: NDArray[np.uint8],

@@ -11,10 +11,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.estimation.scans.clouds import point_cloud
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray, compose
 from trailmark.shapes import Rectangle, Shape
 from trailmark.world import World
@@ -230,7 +230,7 @@ class KnownMap:
         return world.edited(add=add, remove=remove) if add or remove else world
 
 
-@njit(cache=True)
+@njit
 def rectangles(mask):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return boxes x0, y0, x1, y1, shape (n, 4), that cover a mask exactly: runs of a row, joined to equal ones above.
 
@@ -262,7 +262,7 @@ def rectangles(mask):  # type: ignore[no-untyped-def]  # numba infers the types
     return found[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def enter_scan(state, evidence, normal, stamp, fixed, now, start, ends, kinds, normals, gap, sigma):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a scan, all of it in cells from the grid's corner on; return whether the state of any cell changed.
 
@@ -353,7 +353,7 @@ def enter_scan(state, evidence, normal, stamp, fixed, now, start, ends, kinds, n
     return changed
 
 
-@njit(cache=True)
+@callee
 def _is_passed(normal, x, y, ux, uy, ex, ey, beyond):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return whether a beam crosses the surface in a cell, wherever in it that lies, and ends so far behind the cell.
 
@@ -367,7 +367,7 @@ def _is_passed(normal, x, y, ux, uy, ex, ey, beyond):  # type: ignore[no-untyped
     return abs(steep) >= STEEP and abs(ux * y - uy * x) <= 0.5 and behind >= 0.5 * (abs(nx) + abs(ny)) + beyond
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def agreement(state, normal, start, ends, kinds, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return how many beams end at known surfaces, go through them, and end where nothing was known to be.
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
-from trailmark.compiled import njit
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.jit import njit
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
@@ -154,7 +154,7 @@ class Travel:
         return np.asarray(costs * self.factor)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def costs_between(fits: NDArray[np.uint8], cells: NDArray[np.int64], nearest: int, tight: int) -> FloatArray:
     """Return the costs of the ways between some cells, in cells, shape (n, n), infinite where none was found.
 

@@ -26,7 +26,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.checked import Positive, PositiveOrInfinite, Probability, checked_fields
+from trailmark.arguments import Positive, PositiveOrInfinite, Probability, checked_fields
 from trailmark.errors import ConfigurationError, FormatError, OutputError
 from trailmark.estimation.logs import load_log, save_log
 from trailmark.estimation.logs.records import Log

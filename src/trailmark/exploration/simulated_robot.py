@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.checked import Count, NonNegative, Positive, PositiveOrInfinite, Seed, Share, checked_arguments
+from trailmark.arguments import Count, NonNegative, Positive, PositiveOrInfinite, Seed, Share, checked_arguments
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.filter.motion import PoseIncrement

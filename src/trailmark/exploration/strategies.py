@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.arguments import brief
-from trailmark.compiled import njit
 from trailmark.errors import ConfigurationError, expected_name
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -116,7 +116,7 @@ def _replaced(ways: FloatArray, sees: NDArray[np.bool_], order: NDArray[np.int64
     return np.array(stops, dtype=np.int64)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, numbers=True)
 def tour_cost(ways: FloatArray, order: NDArray[np.int64]) -> float:
     """Return the length of a tour."""
     length = 0.0
@@ -125,7 +125,7 @@ def tour_cost(ways: FloatArray, order: NDArray[np.int64]) -> float:
     return length
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def shortened_tour(ways: FloatArray, order: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return a tour with its order improved, its ends kept, until no reversal and no move of a part makes it better.
 

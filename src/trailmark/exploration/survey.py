@@ -16,8 +16,8 @@ from trailmark.exploration.frontiers import Frontiers, frontiers_of, nearest_loo
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, Travel, can_get_to, reach_of
 from trailmark.exploration.strategies import Outlook
-from trailmark.landmarks.kmeans import k_means_landmarks
-from trailmark.landmarks.sensor_range import landmarks_for_area
+from trailmark.landmarks.executions import landmarks_for_area
+from trailmark.landmarks.sampling import k_means_landmarks
 from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["MOST_TRIES", "Memory", "Survey", "survey"]

@@ -14,7 +14,7 @@ from trailmark.arguments import brief, real
 from trailmark.errors import ConfigurationError, FormatError
 from trailmark.formats import files
 from trailmark.formats.yaml_data import parse_yaml
-from trailmark.path import Path
+from trailmark.se2 import FloatArray, configurations
 
 __all__ = ["PathFile", "read_any_path"]
 
@@ -33,13 +33,13 @@ class PathFile(NamedTuple):
     """What a path file holds.
 
     Attributes:
-        path: its states.
+        states: shape (n, 3), n >= 1, metres and radians, headings in (-pi, pi].
         headings: the largest heading as it was written, |theta| in radians: more than a full turn looks like degrees.
         curve: of a car's path that trailmark planned: ``kind``, ``turning_radius``, ``knots`` and ``places``
             (:meth:`trailmark.curves.CurvePath.record`); None without.
     """
 
-    path: Path
+    states: FloatArray
     headings: float
     curve: dict[str, Any] | None = None
 
@@ -75,7 +75,7 @@ def read_any_path(path: FilePath) -> PathFile:
         raise FormatError(path, "expected one or more states, got an empty path")
     try:
         rows = np.array(states, dtype=np.float64)
-        return PathFile(Path(rows), float(np.abs(rows[:, 2]).max()), curve)
+        return PathFile(configurations(rows, name="path"), float(np.abs(rows[:, 2]).max()), curve)
     except (ConfigurationError, ValueError, OverflowError) as error:
         raise FormatError(path, str(error)) from None
 

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark.arguments import brief, number
 from trailmark.errors import WorldError
-from trailmark.lazy_shapes import LazyShapes
-from trailmark.shapes import LIMIT, Polygon
+from trailmark.shapes import LIMIT, LazyShapes, Polygon
 from trailmark.world import World
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.arguments import number
-from trailmark.checked import Positive, checked_arguments
+from trailmark.arguments import Positive, checked_arguments, number
 from trailmark.errors import FormatError, WorldError, expected_name
 from trailmark.formats.files import read_text, write_atomically
 from trailmark.formats.grid import MAX_CELLS, check_size, grid_polygons, world_of_grid

@@ -11,18 +11,15 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.checked import checked_arguments, shaped
+from trailmark.arguments import checked_arguments, shaped
 from trailmark.errors import ConfigurationError, OutputError, WorldError
 from trailmark.formats import files
-from trailmark.path import Path
-
-if TYPE_CHECKING:
-    from trailmark.se2 import FloatArray
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray, configurations, difference
 
 __all__ = [
     "CSV_HEADER",
@@ -46,9 +43,7 @@ SUFFIXES = (".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2.json", ".g
 CSV_HEADER = "x,y,theta"
 
 
-def write_path(
-    path: FilePath, states: ArrayLike | Path, record: Mapping[str, Any] | None = None, frame: str = "map"
-) -> None:
+def write_path(path: FilePath, states: Any, record: Mapping[str, Any] | None = None, frame: str = "map") -> None:
     """Write a path, whole or not at all; every number is written with all its digits.
 
     - ``.json``: one object: ``record`` with ``states`` as a list of [x, y, theta]; without a record, the states and
@@ -60,7 +55,7 @@ def write_path(
 
     Args:
         path: where to; its suffix tells the format.
-        states: shape (n, 3), metres and radians, or a Path.
+        states: shape (n, 3), metres and radians, or a :class:`trailmark.Path`.
         record: what else a JSON file says; other formats hold the states alone.
         frame: name of the coordinate frame, for messages and GeoJSON.
 
@@ -69,16 +64,19 @@ def write_path(
         OutputError: the path cannot be written, or JSON cannot hold the record.
     """
     files.check_writable(path, SUFFIXES)
-    checked = states if isinstance(states, Path) else Path(np.asarray(states, dtype=np.float64))
-    rows = [[repr(value) for value in row] for row in checked.states.tolist()]
+    checked, facts = _states_and_facts(states)
+    rows = [[repr(value) for value in row] for row in checked.tolist()]
     name, suffix = path.name.lower(), path.suffix.lower()
     if suffix in (".yaml", ".yml") or name.endswith(".nav2.json"):
-        message = path_message(checked.states, frame)
+        message = path_message(checked, frame)
         text = message_text(message, "nav_msgs/msg/Path", as_json=suffix == ".json")
     elif suffix == ".geojson":
-        text = path_text(checked, frame)
+        text = path_text(states, frame)
     elif suffix == ".json":
-        text = _json_text(path, checked, rows, record)
+        if record is None:
+            curve = getattr(states, "record", None)  # of a car's path
+            record = {"states": None, **facts, **({} if curve is None else {"curve": curve()})}
+        text = _json_text(path, rows, record)
     elif suffix == ".csv":
         text = "\n".join([CSV_HEADER, *map(",".join, rows)]) + "\n"
     else:
@@ -86,11 +84,19 @@ def write_path(
     files.write_atomically(path, text)
 
 
-def _json_text(path: FilePath, checked: Path, rows: list[list[str]], record: Mapping[str, Any] | None) -> str:
-    if record is None:
-        record = {"states": None, "cost": checked.cost, "length": checked.length, "rotation": checked.rotation}
-        curve = getattr(checked, "record", None)  # of a car's path
-        record |= {} if curve is None else {"curve": curve()}
+def _states_and_facts(path: Any) -> tuple[FloatArray, dict[str, float]]:
+    """Return a path's states, shape (n, 3), and its cost, length and rotation."""
+    states = configurations(path.states if hasattr(path, "states") else path, name="path")
+    if states.ndim != 2 or len(states) == 0:
+        raise ConfigurationError(f"path: expected shape (n, 3) with n >= 1, got {states.shape}")
+    if hasattr(path, "states"):
+        return states, {"cost": path.cost, "length": path.length, "rotation": path.rotation}
+    steps = difference(states[:-1], states[1:])
+    length, rotation = float(np.hypot(*steps[:, :2].T).sum()), float(np.abs(steps[:, 2]).sum())
+    return states, {"cost": length + ROTATION_WEIGHT * rotation, "length": length, "rotation": rotation}
+
+
+def _json_text(path: FilePath, rows: list[list[str]], record: Mapping[str, Any]) -> str:
     states = "[\n" + ",\n".join(f"    [{', '.join(row)}]" for row in rows) + "\n  ]"
     try:
         members = {
@@ -157,14 +163,14 @@ def geojson_text(features: list[dict[str, Any]]) -> str:
     return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
 
 
-def path_text(path: Path, frame: str) -> str:
+def path_text(path: Any, frame: str) -> str:
     """Return a path as one line, with its headings as ``properties.theta`` (radians, one for each position).
 
     A path of one state becomes a line of two equal ones, for a line has two positions or more.
     """
-    states = path.states.tolist() * (2 if len(path) == 1 else 1)
-    facts = {"frame": frame, "cost": path.cost, "length": path.length, "rotation": path.rotation}
-    properties = {**facts, "theta": [state[2] for state in states]}
+    found, facts = _states_and_facts(path)
+    states = found.tolist() * (2 if len(found) == 1 else 1)
+    properties = {"frame": frame, **facts, "theta": [state[2] for state in states]}
     return geojson_text([geojson_feature(properties, "LineString", [state[:2] for state in states])])
 
 

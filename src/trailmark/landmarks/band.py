@@ -9,6 +9,7 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.landmarks.relaxation import CostMap, Relaxation
 from trailmark.landmarks.retraction import retract_all
+from trailmark.se2 import FloatArray
 
 __all__ = ["Band"]
 
@@ -25,8 +26,8 @@ LOOKAHEAD = 4
 FIRST_WIDENING, LATER_WIDENING = 0.15, 0.8
 """Width of the band whose cells are found at first, and when a wider one is needed; after that, all cells."""
 
-GUIDE_TRIES, GAP_TRIES = 12, 48
-"""Configurations tried in each cell of the relaxed shortest path, and again where they leave a gap."""
+TRIES = 24
+"""Configurations tried in each cell of the relaxed shortest path for a guide."""
 
 
 class Band:
@@ -43,9 +44,7 @@ class Band:
             robot cannot get from start to goal.
     """
 
-    def __init__(
-        self, checker: StateChecker, relaxation: Relaxation, start: se2.FloatArray, goal: se2.FloatArray
-    ) -> None:
+    def __init__(self, checker: StateChecker, relaxation: Relaxation, start: FloatArray, goal: FloatArray) -> None:
         self.checker = checker
         self.relaxation = relaxation
         self.start, self.goal = start, goal
@@ -68,11 +67,9 @@ class Band:
         self.shortest = float(relaxation.cost_at(to_goal, self.start))
         if not np.isfinite(self.shortest):
             return
-        self.from_start = from_start = relaxation.costs_from(self.start, limit=to_goal.limit, remaining=to_goal)
+        self.from_start = from_start = relaxation.costs_from(self.start)
         total = from_start.cost.ravel() + to_goal.cost.ravel()
-        self._cells = (
-            np.flatnonzero(total <= to_goal.limit) if np.isfinite(to_goal.limit) else np.flatnonzero(np.isfinite(total))
-        )
+        self._cells = np.flatnonzero(np.isfinite(total) & (total <= to_goal.limit))
         self._total = total[self._cells]
         self._share = from_start.cost.ravel()[self._cells] / np.maximum(self._total, 1e-9)
         # A tighter place needs more landmarks, and K-means leaves out tight places first.
@@ -80,7 +77,7 @@ class Band:
         self._weight = 1.0 / (spare + 0.25 * self.checker.footprint.circumradius)
         self._directions = self._path_directions(self._cells)
 
-    def _path_directions(self, cells: NDArray[np.int64]) -> se2.FloatArray:
+    def _path_directions(self, cells: NDArray[np.int64]) -> FloatArray:
         """Return the heading (radians) of the relaxed path to the goal in each cell, shape (n,)."""
         later = self.relaxation.follow(self.to_goal, cells, LOOKAHEAD)
         step = self.relaxation.cell_centers(later) - self.relaxation.cell_centers(cells)
@@ -91,70 +88,52 @@ class Band:
         if (1.0 + widening) * self.shortest > self.to_goal.limit:
             self._compute(LATER_WIDENING if widening <= LATER_WIDENING else np.inf)
 
-    def costs_to_goal(self, q: se2.FloatArray) -> se2.FloatArray:
+    def costs_to_goal(self, q: FloatArray) -> FloatArray:
         """Return an estimate (metres) of the cost from configurations (n, 3) to the goal, shape (n,).
 
         It guides the search and proves nothing: cells that are tight for the disc cost more than their length.
         """
         return self._estimate(self.to_goal, q, self.goal)
 
-    def costs_to_start(self, q: se2.FloatArray) -> se2.FloatArray:
+    def costs_to_start(self, q: FloatArray) -> FloatArray:
         """Return an estimate (metres) of the cost from the start to configurations (n, 3), shape (n,)."""
         return self._estimate(self.from_start, q, self.start)
 
-    def _estimate(self, costs: CostMap, q: se2.FloatArray, end: se2.FloatArray) -> se2.FloatArray:
+    def _estimate(self, costs: CostMap, q: FloatArray, end: FloatArray) -> FloatArray:
         relaxed = self.relaxation.cost_at(costs, q)
         # Eight directions overestimate lengths by up to 8.3 %, and cells by up to a diagonal at either end.
         estimate = np.where(np.isfinite(relaxed), relaxed / 1.0824 - 3.0 * self.relaxation.size, 0.0)
         return np.asarray(np.maximum(estimate, np.hypot(*(q[:, :2] - end[:2]).T)))
 
-    def guides(self, rng: np.random.Generator) -> tuple[se2.FloatArray, bool]:
+    def guides(self, rng: np.random.Generator) -> tuple[FloatArray, bool]:
         """Return valid configurations along the relaxed shortest path, shape (n, 3), and whether they form a path.
 
         They are about as far apart as their clearance, each the one with the largest clearance among several tries in
         its cell; where two of them are not joined by a certified motion, all valid tries between them are returned too.
         """
-        cells = self.relaxation.shortest_path(self.to_goal, self.start)
-        every = np.arange(len(cells))
-        tries, q, clearance = self._tries(cells, every, GUIDE_TRIES, rng)
-        best = np.lexsort((clearance, tries)).reshape(len(cells), GUIDE_TRIES)[:, -1]
+        path = self.relaxation.shortest_path(self.to_goal, self.start)
+        cell = np.repeat(np.arange(len(path)), TRIES)
+        q = self._place(path[cell], self._path_directions(path)[cell], cell / max(1, len(path) - 1), rng)
+        reach = self.checker.footprint.circumradius
+        # Only half of the tries: the field's clearances may be wrong by its slack.
+        tight = self.relaxation.clearance(path)[cell] < 1.5 * reach
+        tight[::2] = False
+        q[tight] = retract_all(self.checker, q[tight], 0.75 * self.relaxation.size)
+        clearance = np.where(self.checker.valid(q), self.checker.clearance(q, cap=2.0 * reach), -1.0)
+        best = np.arange(len(path)) * TRIES + clearance.reshape(-1, TRIES).argmax(axis=1)
         chain: list[int] = []
-        for i in best[clearance[best] >= 0.0]:
+        for i in best[clearance[best] >= 0.0].tolist():
             if not chain or np.hypot(*(q[i, :2] - q[chain[-1], :2])) >= min(clearance[i], clearance[chain[-1]]):
-                chain.append(int(i))
+                chain.append(i)
         if not chain:
             return np.empty((0, 3)), False
         joined = self.checker.motions_between_valid(q[chain[:-1]], q[chain[1:]])
-        gap = np.zeros(len(cells), dtype=np.bool_)
-        for a, b in zip(tries[chain[:-1]][~joined], tries[chain[1:]][~joined], strict=True):
+        gap = np.zeros(len(path), dtype=np.bool_)
+        for a, b in zip(cell[chain[:-1]][~joined], cell[chain[1:]][~joined], strict=True):
             gap[max(0, a - 1) : b + 2] = True
-        # In the gaps, the valid tries so far, and some of a second, larger number of tries.
-        earlier = q[gap[tries] & (clearance >= 0.0)]
-        where, more, clearance = self._tries(cells, every[gap], GAP_TRIES, rng)
-        more, where = more[clearance >= 0.0], where[clearance >= 0.0]
-        few = np.arange(len(where)) - np.searchsorted(where, where) < GAP_TRIES // 8
-        return np.vstack([q[chain], earlier, more[few]]), bool(joined.all())
+        return np.vstack([q[chain], q[gap[cell] & (clearance >= 0.0)]]), bool(joined.all())
 
-    def _tries(
-        self, cells: NDArray[np.int64], chosen: NDArray[np.int64], count: int, rng: np.random.Generator
-    ) -> tuple[NDArray[np.int64], se2.FloatArray, se2.FloatArray]:
-        """Try ``count`` configurations in each of the chosen cells of a path.
-
-        Returns:
-            Which cell each lies in (n,), the configurations (n, 3), and their clearance (n,), -1 if invalid.
-        """
-        tries = np.repeat(chosen, count)
-        share = tries / max(1, len(cells) - 1)
-        q = self._place(cells[tries], self._path_directions(cells)[tries], share, rng)
-        # Only half of the tries: the field's clearances may be wrong by its slack.
-        tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
-        tight[::2] = False
-        q[tight] = retract_all(self.checker, q[tight], 0.75 * self.relaxation.size)
-        clearance = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
-        clearance[~self.checker.valid(q)] = -1.0
-        return tries, q, clearance
-
-    def samples(self, n: int, widening: float, rng: np.random.Generator) -> se2.FloatArray:
+    def samples(self, n: int, widening: float, rng: np.random.Generator) -> FloatArray:
         """Return up to n valid configurations from the band, shape (m, 3).
 
         Args:
@@ -177,14 +156,17 @@ class Band:
                 break
         return np.concatenate(found)[:n]
 
-    def samples_near(self, q: se2.FloatArray, reach: float, n: int, rng: np.random.Generator) -> se2.FloatArray:
+    def samples_near(self, q: FloatArray, reach: float, n: int, rng: np.random.Generator) -> FloatArray:
         """Return valid configurations, shape (m, 3), m <= 2 n, near q, shape (3,).
 
         Half of the tries put the disc within ``reach`` metres of q's, in cells of the band and with the band's
         headings; half move q itself, at all scales below ``reach``, since in a passage hardly wider than the robot only
         small moves succeed.
         """
-        moved = self._moved(np.repeat(q[None], n, axis=0), reach, rng)
+        turning = self.checker.footprint.sweep_radius
+        scale = reach * 2.0 ** -rng.uniform(0.0, 5.0, (n, 1)) / (1.0, 1.0, turning or np.inf)
+        moved = q + rng.standard_normal((n, 3)) * scale
+        moved[:, 2] = se2.wrap(moved[:, 2])
         around = self.relaxation.disc_centers(q) + rng.uniform(-reach, reach, (n, 2))
         cells = self.relaxation.cells(around)
         from_start, to_goal = self.from_start.cost.ravel()[cells], self.to_goal.cost.ravel()[cells]
@@ -194,32 +176,21 @@ class Band:
         found[::2] = retract_all(self.checker, found[::2], 0.375 * reach)
         return np.asarray(found[self.checker.valid(found)])
 
-    def _moved(self, q: se2.FloatArray, reach: float, rng: np.random.Generator) -> se2.FloatArray:
-        """Return configurations (n, 3) moved at random, by 1/32 of ``reach`` (metres) up to the whole."""
-        scale = reach * 2.0 ** -rng.uniform(0.0, 5.0, (len(q), 1))
-        turning = self.checker.footprint.sweep_radius
-        step = rng.standard_normal((len(q), 3)) * scale / (1.0, 1.0, turning or 1.0)
-        if turning == 0.0:
-            step[:, 2] = 0.0
-        moved = q + step
-        moved[:, 2] = se2.wrap(moved[:, 2])
-        return np.asarray(moved)
-
-    def nearest_to_goal(self, q: se2.FloatArray) -> int:
+    def nearest_to_goal(self, q: FloatArray) -> int:
         """Return which of the configurations (n, 3) is nearest to the goal along relaxed paths."""
         return int(np.argmin(self.relaxation.cost_at(self.to_goal, q)))
 
-    def nearest_to_start(self, q: se2.FloatArray) -> int:
+    def nearest_to_start(self, q: FloatArray) -> int:
         """Return which of the configurations (n, 3) is nearest to the start along relaxed paths."""
         return int(np.argmin(self.relaxation.cost_at(self.from_start, q)))
 
     def _place(
         self,
         cells: NDArray[np.int64],
-        directions: se2.FloatArray,
-        share: se2.FloatArray,
+        directions: FloatArray,
+        share: FloatArray,
         rng: np.random.Generator,
-    ) -> se2.FloatArray:
+    ) -> FloatArray:
         """Return one configuration per cell: a random point of it, a heading of one of four kinds."""
         relaxation, n = self.relaxation, len(cells)
         centers = relaxation.cell_centers(cells)

@@ -1,8 +1,12 @@
-"""Costs of a disc's paths over the cells of a grid: compiled Dijkstra search, and the cells' clearances."""
+"""Costs of cells on a grid by Dijkstra's algorithm, and the room in them; compiled.
+
+Source: Dial, "Algorithm 360: shortest-path forest with topological ordering", CACM 12(11), 1969.
+"""
 
 from __future__ import annotations
 
-from math import hypot, sqrt
+from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,172 +15,168 @@ from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["CORNER_FACTOR", "STEP_X", "STEP_Y", "UNSURE_FACTOR", "cell_clearance", "fill_clearance", "grid_costs"]
+__all__ = [
+    "CLOSED",
+    "STEP_X",
+    "STEP_Y",
+    "UNIT",
+    "cell_clearances",
+    "flood",
+]
 
-UNSURE_FACTOR = 3.0
-"""Factor on the cost of a step to or from a cell whose centre is too close to an obstacle for the disc."""
-
-CORNER_FACTOR = 2.0
-"""Factor on the cost of a diagonal step past such a cell: it would likely cut an obstacle's corner."""
+IntArray = NDArray[np.int32]
 
 # Columns and rows of the eight neighbours, counter-clockwise from +x: direction k has heading k * 45 degrees.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1])
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1])
 
 
-@njit(cache=True)
-def cell_clearance(grid: ObstacleGrid, field: ClearanceField, x: float, y: float, size: float, radius: float) -> float:
-    """Return the clearance of a point, exact up to the radius, by the field beyond it; in an obstacle minus its depth.
+class _Buckets(NamedTuple):
+    """A queue of cells by whole numbers, their levels, in place of a heap; each is in it once."""
 
-    Depths matter only where a cell is so large that a disc may fit at its edge although none fits at its centre.
+    # (buckets,) first cell of each, -1 for none; a power of two of them, more than levels wait at a time
+    first: IntArray
+    # (cells, 2) next cell of the same bucket, -1 for none; and the one before, -2 - bucket of the first, -1 of a cell
+    # that does not wait
+    links: IntArray
+
+
+@array_callee
+def _buckets(count: int, cells: int) -> _Buckets:
+    """Return an empty queue."""
+    return _Buckets(np.full(count, -1, np.int32), np.full((cells, 2), -1, np.int32))
+
+
+@callee
+def _put(queue: _Buckets, cell: int, level: int) -> None:
+    """Let a cell wait at a level, and at no other."""
+    first, links = queue.first, queue.links
+    if links[cell, 1] != -1:
+        _leave(queue, cell)
+    bucket = level & (len(first) - 1)
+    second = first[bucket]
+    first[bucket], links[cell, 0], links[cell, 1] = cell, second, -2 - bucket
+    if second >= 0:
+        links[second, 1] = cell
+
+
+@callee
+def _leave(queue: _Buckets, cell: int) -> None:
+    """Let a cell wait no longer."""
+    links = queue.links
+    after, before = links[cell, 0], links[cell, 1]
+    if before >= 0:
+        links[before, 0] = after
+    else:
+        queue.first[-2 - before] = after
+    if after >= 0:
+        links[after, 1] = before
+    links[cell, 1] = -1
+
+
+@callee
+def _take(queue: _Buckets, level: int) -> int:
+    """Return a cell that waited at a level, -1 if none does."""
+    cell = queue.first[level & (len(queue.first) - 1)]
+    if cell >= 0:
+        _leave(queue, cell)
+    return int(cell)
+
+
+UNIT, CLOSED, FAR = 70, 0, 2**31 - 1
+"""Parts of a cell's edge that costs are counted in: 99 of them are its diagonal within 5e-5; the cost of a cell that is
+closed, and of what is not reached."""
+
+FURTHER = 32
+"""Cells farther than the target that are still gone through: a way may lead off before it comes nearer."""
+
+
+@njit(nogil=True)
+def flood(dear: IntArray, source: int, target: int, corners: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+    """Return the costs of cells to a source, in edges of a cell, and the directions that lead back towards it.
+
+    Args:
+        dear: (rows, columns), what crossing each cell costs, in parts; CLOSED ones all around.
+        source: row * columns + column.
+        target: likewise: cells much farther than it are left out; -1 for none.
+        corners: factor on the cost of diagonal steps past a cell that is closed, or costs more than UNIT; 0: none lead
+            there.
+
+    Returns:
+        Two arrays of that shape: costs, infinite where nothing leads, and numbers of steps, -1 there and at the source.
     """
-    value = field_value(field, x, y)
-    if value - field.slack < radius and value + field.slack + size >= radius:
-        exact = point_clearance(grid, x, y, radius)
-        if exact == 0.0 and radius < size:
-            return -point_depth(grid, x, y, size)
-        # A value at the cap is only a lower bound, as the field's is.
-        return exact if exact < radius else max(exact, value)
-    return value
+    cells, width = dear.reshape(-1), dear.shape[1]
+    buckets = 1
+    while buckets <= 1.5 * cells.max() * max(1, corners):
+        buckets *= 2
+    queue = _buckets(buckets, len(cells))
+    cost, back = np.full(len(cells), FAR, np.int32), np.full(len(cells), -1, np.int8)
+    steps = STEP_Y * width + STEP_X
+    cost[source], reached, last, empty = 0, 0, FAR, 0
+    _put(queue, source, 0)
+    while empty < buckets and reached <= last:
+        cell = _take(queue, reached)
+        if cell < 0:
+            reached, empty = reached + 1, empty + 1
+            continue
+        empty = 0
+        if cell == target:
+            last = reached + FURTHER * UNIT
+        for j in range(8):
+            other = cell + steps[j]
+            if cells[other] == CLOSED:
+                continue
+            # Of two cells the dearer counts.
+            step = max(cells[cell], cells[other])
+            if j % 2:
+                if corners != 1 and (cells[cell + STEP_X[j]] != UNIT or cells[other - STEP_X[j]] != UNIT):
+                    if corners == 0:
+                        continue
+                    step *= corners
+                # 362 / 256: the square root of 2.
+                step = step * 362 + 128 >> 8
+            forward = reached + step
+            if forward < cost[other]:
+                cost[other], back[other] = forward, (j + 4) % 8
+                _put(queue, other, forward)
+    found = np.empty(len(cells), np.float32)
+    for cell in range(len(cells)):
+        found[cell] = inf if cost[cell] == FAR else cost[cell] / UNIT
+    return found.reshape(dear.shape), back.reshape(dear.shape)
 
 
-@njit(cache=True)
-def fill_clearance(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    clearance: FloatArray,
-    cells: NDArray[np.int64],
-    x0: float,
-    y0: float,
-    size: float,
-    radius: float,
-) -> None:
-    """Compute the clearance of cells where it is not known yet (NaN)."""
-    columns = clearance.shape[1]
-    for cell in cells:
-        row, column = cell // columns, cell % columns
-        if np.isnan(clearance[row, column]):
-            x, y = x0 + (column + 0.5) * size, y0 + (row + 0.5) * size
-            clearance[row, column] = cell_clearance(grid, field, x, y, size, radius)
+@njit(nogil=True)
+def cell_clearances(
+    grid: ObstacleGrid, field: ClearanceField, corner: FloatArray, size: float, rows: int, columns: int, radius: float
+) -> FloatArray:
+    """Return the clearances of cells' centres, shape (rows, columns); in an obstacle minus the depth.
 
-
-@njit(cache=True)
-def _straight_distance(target: int, goal_row: int, goal_column: int, row: int, column: int) -> float:
-    """Return the straight distance to the target, in cells; 0 without a target."""
-    return hypot(row - goal_row, column - goal_column) if target >= 0 else 0.0
-
-
-@njit(cache=True, nogil=True)
-def grid_costs(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    clearance: FloatArray,
-    x0: float,
-    y0: float,
-    size: float,
-    radius: float,
-    min_clearance: float,
-    source: int,
-    target: int,
-    limit: float,
-    widening: float,
-    remaining: FloatArray,
-) -> tuple[FloatArray, NDArray[np.int8], float]:
-    """Return costs and parents of the cells up to ``limit`` (metres), and that limit.
-
-    A ring of buckets one cell wide serves as the queue (Dial 1969). With a target, cells are expanded in the order of
-    cost plus straight distance to the target (A*), so that those on no path within the limit are never expanded; a cell
-    improved within its own bucket is expanded again.
+    They are exact up to the radius, and by the field beyond it. Depths matter only where cells are so large that a disc
+    may fit at the edge of one although none fits at its centre.
 
     Args:
         grid: the obstacles.
         field: their clearance field.
-        clearance: (rows, columns), NaN where it is not known yet; filled in as far as the search goes.
-        x0: left edge of the cells, metres.
-        y0: lower edge of the cells, metres.
+        corner: of the first cell, metres, shape (2,).
         size: edge of a cell, metres.
+        rows: how many.
+        columns: likewise.
         radius: of the disc, metres.
-        min_clearance: of a cell's centre below which the cell is closed, metres.
-        source: cell, row * columns + column.
-        target: cell, or -1.
-        limit: metres.
-        widening: once the target is reached at some cost, the limit is (1 + ``widening``) times that cost.
-        remaining: (rows, columns) costs from elsewhere, or (0, 0): cells whose costs add up to more than the limit are
-            left out.
     """
-    rows, columns = clearance.shape
-    cost = np.full((rows, columns), np.inf)
-    parent = np.full((rows, columns), -1, np.int8)
-    bucket_of = np.full((rows, columns), -1, np.int32)
-    # The largest step adds 3 * 2 * sqrt(2) cells and sqrt(2) more of straight distance: ten buckets.
-    buckets = 16
-    head = np.full(buckets, -1, np.int64)
-    capacity = 4096
-    queued, next_entry = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-    free, used, size_of_queue = -1, 1, 1
-    fill_clearance(grid, field, clearance, np.array([source]), x0, y0, size, radius)
-    cost[source // columns, source % columns] = 0.0
-    goal_row, goal_column = target // columns, target % columns
-    level = int(_straight_distance(target, goal_row, goal_column, source // columns, source % columns))
-    queued[0], next_entry[0], head[level % buckets] = source, -1, 0
-    bucket_of[source // columns, source % columns] = level
-    while size_of_queue > 0 and level * size <= limit:
-        slot = level % buckets
-        while head[slot] >= 0:
-            entry = head[slot]
-            head[slot] = next_entry[entry]
-            cell = queued[entry]
-            next_entry[entry], free = free, entry
-            size_of_queue -= 1
-            r, c = cell // columns, cell % columns
-            key = cost[r, c]
-            if bucket_of[r, c] != level:
-                continue
-            bucket_of[r, c] = -1
-            if cell == target and key > 0.0:
-                limit = min(limit, (1.0 + widening) * key + 8.0 * size)
-            for j in range(8):
-                # Straight neighbours first: a diagonal step depends on their clearance.
-                k = 2 * j if j < 4 else 2 * j - 7
-                nr, nc = r + STEP_Y[k], c + STEP_X[k]
-                if not (0 <= nr < rows and 0 <= nc < columns):
-                    continue
-                there = clearance[nr, nc]
-                if np.isnan(there):
-                    there = cell_clearance(grid, field, x0 + (nc + 0.5) * size, y0 + (nr + 0.5) * size, size, radius)
-                    clearance[nr, nc] = there
-                if there < min_clearance:
-                    continue
-                step = size * (sqrt(2.0) if k % 2 else 1.0)
-                # The same in both directions, so that costs from the start and from the goal add up.
-                if there < radius or clearance[r, c] < radius:
-                    step *= UNSURE_FACTOR
-                if k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius:
-                    step *= CORNER_FACTOR
-                if len(remaining) and key + step + remaining[nr, nc] > limit:
-                    continue
-                if key + step < cost[nr, nc]:
-                    cost[nr, nc] = key + step
-                    parent[nr, nc] = (k + 4) % 8
-                    if free >= 0:
-                        entry, free = free, next_entry[free]
-                    else:
-                        if used == capacity:
-                            capacity *= 2
-                            more_queued, more_entries = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-                            more_queued[:used], more_entries[:used] = queued, next_entry
-                            queued, next_entry = more_queued, more_entries
-                        entry, used = used, used + 1
-                    # Never an earlier bucket: straight towards the target the sum is the same but for rounding.
-                    at = max(
-                        level, int((key + step) / size + _straight_distance(target, goal_row, goal_column, nr, nc))
-                    )
-                    bucket_of[nr, nc] = at
-                    slot_of = at % buckets
-                    queued[entry], next_entry[entry], head[slot_of] = nr * columns + nc, head[slot_of], entry
-                    size_of_queue += 1
-        level += 1
-    return cost, parent, limit
+    found = np.empty((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            x, y = corner[0] + (column + 0.5) * size, corner[1] + (row + 0.5) * size
+            value = field_value(field, x, y)
+            if value - field.slack < radius and value + field.slack + size >= radius:
+                exact = point_clearance(grid, x, y, radius)
+                if exact == 0.0 and radius < size:
+                    value = -point_depth(grid, x, y, size)
+                else:
+                    # A value at the cap is only a lower bound, as the field's is.
+                    value = exact if exact < radius else max(exact, value)
+            found[row, column] = value
+    return found

@@ -7,31 +7,35 @@ and the robot's shape play no part. The planner uses :func:`trailmark.landmarks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple, get_args
+from contextlib import AbstractContextManager
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark.arguments import number
 from trailmark.errors import ConfigurationError, expected_name
-from trailmark.landmarks.enclosed import Rectangle, enclosed_points
-from trailmark.landmarks.kmeans import one_thread
 from trailmark.landmarks.sampling import RandomState, generator
+from trailmark.se2 import FloatArray
 
 __all__ = [
     "INITIALISATIONS",
     "Clusters",
     "Initialisation",
     "PaperLandmarks",
+    "Rectangle",
     "algorithm_1",
     "algorithm_2",
-    "boxes_of",
+    "enclosed_cells",
+    "enclosed_points",
     "initial_centres",
     "points_in_boxes",
     "require_count",
 ]
 
-FloatArray = NDArray[np.float64]
+Rectangle = tuple[float, float, float, float]
+"""xmin, ymin, xmax, ymax in metres."""
 
 Initialisation = Literal["forgy", "random-partition", "k-means++"]
 INITIALISATIONS: tuple[Initialisation, ...] = get_args(Initialisation)
@@ -42,9 +46,11 @@ MAX_ITERATIONS = 100_000
 MINI_BATCHES_FROM = 20_000_000
 """Algorithm 2 uses mini-batches for more points times clusters than this: Lloyd's algorithm would take minutes."""
 
-
 BATCH, FIRST_FROM = 10_000, 100_000
 """Points of a mini-batch, and of which the first centres of mini-batches are chosen."""
+
+MAX_LINES = 4096
+"""Maximum number of grid lines at the edges of boxes, along either axis; more are replaced by equally spaced lines."""
 
 
 class Clusters(NamedTuple):
@@ -110,9 +116,9 @@ def algorithm_1(
 
     points = _points(samples, "samples")
     first = initial_centres(points, k, init, random_state)
-    with one_thread():
-        lloyd = KMeans(k, init=first, n_init=1, max_iter=MAX_ITERATIONS, tol=0.0, algorithm="lloyd").fit(points)
-    return Clusters(lloyd.cluster_centers_, lloyd.labels_, float(lloyd.inertia_), int(lloyd.n_iter_))
+    with _one_thread():
+        found = KMeans(k, init=first, n_init=1, max_iter=MAX_ITERATIONS, tol=0.0, algorithm="lloyd").fit(points)
+    return Clusters(found.cluster_centers_, found.labels_, float(found.inertia_), int(found.n_iter_))
 
 
 def initial_centres(
@@ -131,33 +137,42 @@ def initial_centres(
     Raises:
         ConfigurationError: another shape, values that are not finite, an unknown ``init``, k out of range.
     """
-    points = _points(samples, "samples")
+    points, rng = _points(samples, "samples"), generator(random_state)
     if init not in INITIALISATIONS:
         raise ConfigurationError(f"init: {expected_name(str(init), INITIALISATIONS)}")
     if not 1 <= k <= len(points):
         raise ConfigurationError(f"k: expected 1 to {len(points)}, the number of samples, got {k}")
-    rng = generator(random_state)
     # Equal samples always share a cluster. A few samples mostly show that there are enough different ones.
-    different = _different(points[: 4 * k])
-    if len(different) < k:
-        different = _different(points)
-    if len(different) < k:
-        raise ConfigurationError(f"k: expected 1 to {len(different)}, the number of different samples, got {k}")
+    if len(np.unique(points[: 4 * k], axis=0)) < k and (count := len(np.unique(points, axis=0))) < k:
+        raise ConfigurationError(f"k: expected 1 to {count}, the number of different samples, got {k}")
     if init == "random-partition":
-        return _centroids(points, _partition(len(points), k, rng), k)
+        labels = _partition(len(points), k, rng)
+        sums = [np.bincount(labels, weights=column, minlength=k) for column in points.T]
+        return np.column_stack(sums) / np.bincount(labels, minlength=k)[:, None]
     if init == "k-means++":
         from sklearn.cluster import kmeans_plusplus
 
-        # Relative to their mean, since distances lose digits far from the origin.
-        middle = points.mean(axis=0)
-        with one_thread():
-            chosen = kmeans_plusplus(points - middle, k, random_state=int(rng.integers(2**31)))[1]
+        with _one_thread():
+            # Relative to their mean, since distances lose digits far from the origin.
+            seed = int(rng.integers(2**31))
+            chosen = kmeans_plusplus(points - points.mean(axis=0), k, random_state=seed)[1]
     else:
         chosen = rng.choice(len(points), k, replace=False)
-    if len(_different(points[chosen])) == k:
+    if len(np.unique(points[chosen], axis=0)) == k:
         return np.array(points[chosen])
-    different = _different(points)
+    different = np.unique(points, axis=0)
     return np.array(different[rng.choice(len(different), k, replace=False)])
+
+
+def _partition(n: int, k: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return a random cluster for each of n samples, none of the k clusters empty; shape (n,)."""
+    labels = rng.integers(k, size=n)
+    count = np.bincount(labels, minlength=k)
+    for empty in np.flatnonzero(count == 0):
+        moved = rng.choice(np.flatnonzero(count[labels] > 1))
+        count[labels[moved]] -= 1
+        labels[moved], count[empty] = empty, 1
+    return labels
 
 
 def algorithm_2(
@@ -191,25 +206,26 @@ def algorithm_2(
     Raises:
         ConfigurationError: an argument out of range, or fewer valid points than k.
     """
-    low, high = _corners(rectangle)
-    if n < 1:
-        raise ConfigurationError(f"n: expected 1 or more, got {n}")
-    if k < 1:
-        raise ConfigurationError(f"k: expected 1 or more, got {k}")
+    corners = np.asarray(rectangle, dtype=np.float64)
+    if corners.shape != (4,) or not (np.isfinite(corners).all() and (corners[:2] < corners[2:]).all()):
+        got = ", ".join(f"{v:g}" for v in corners.ravel()[:8])
+        raise ConfigurationError(f"rectangle: expected xmin, ymin, xmax, ymax with min < max, got {got}")
+    for name, count in (("n", n), ("k", k)):
+        if count < 1:
+            raise ConfigurationError(f"{name}: expected 1 or more, got {count}")
     margin = number(margin, "margin:", minimum=0.0)
     position = None if robot is None else _points(np.atleast_2d(np.asarray(robot, dtype=np.float64)), "robot")[0, :2]
     rng = generator(random_state)
 
-    samples = rng.uniform(low, high, (n, 2))
-    boxes = boxes_of(readings) + np.array([-margin, -margin, margin, margin])
+    samples = rng.uniform(corners[:2], corners[2:], (n, 2))
+    boxes = _boxes_of(readings) + np.array([-margin, -margin, margin, margin])
     inside = points_in_boxes(samples, boxes)
     enclosed = ~inside & enclosed_points(samples, boxes, rectangle, position)
-    forbidden = inside | enclosed
-    valid = samples[~forbidden]
+    valid = samples[~(inside | enclosed)]
     require_count(k, len(valid), f"{n} points")
     mini_batches = len(valid) * k > MINI_BATCHES_FROM
-    clusters = _mini_batch_clusters(valid, k, init, rng) if mini_batches else algorithm_1(valid, k, init, rng)
-    return PaperLandmarks(samples, forbidden, enclosed, boxes, *clusters, mini_batches)
+    clusters = (_mini_batch_clusters if mini_batches else algorithm_1)(valid, k, init, rng)
+    return PaperLandmarks(samples, inside | enclosed, enclosed, boxes, *clusters, mini_batches)
 
 
 def _mini_batch_clusters(points: FloatArray, k: int, init: Initialisation, rng: np.random.Generator) -> Clusters:
@@ -218,24 +234,14 @@ def _mini_batch_clusters(points: FloatArray, k: int, init: Initialisation, rng: 
 
     some = points[rng.choice(len(points), min(len(points), max(FIRST_FROM, 10 * k)), replace=False)]
     first, seed = initial_centres(some, k, init, rng), int(rng.integers(2**31))
-    with one_thread():
+    with _one_thread():
         found = MiniBatchKMeans(k, init=first, n_init=1, batch_size=BATCH, random_state=seed).fit(points)
     labels = np.asarray(found.labels_, dtype=np.int32)
     return Clusters(np.asarray(found.cluster_centers_, dtype=np.float64), labels, float(found.inertia_), found.n_steps_)
 
 
-def boxes_of(readings: Sequence[ArrayLike]) -> FloatArray:
-    """Return the smallest and largest x and y of each obstacle's readings.
-
-    Args:
-        readings: shape (r, 2) each, metres; obstacles without readings have no box.
-
-    Returns:
-        Shape (m, 4), rows xmin, ymin, xmax, ymax.
-
-    Raises:
-        ConfigurationError: another shape, or values that are not finite.
-    """
+def _boxes_of(readings: Sequence[ArrayLike]) -> FloatArray:
+    """Return the smallest and largest x and y of each obstacle's readings, shape (m, 4); none without readings."""
     boxes = []
     for i, obstacle in enumerate(readings):
         points = np.asarray(obstacle, dtype=np.float64)
@@ -266,27 +272,6 @@ def require_count(k: int, valid: int, drawn: str) -> None:
         raise ConfigurationError(f"k: {expected}: {valid} of {drawn} drawn are valid")
 
 
-def _partition(n: int, k: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return a random cluster for each of n samples, none of the k clusters empty; shape (n,)."""
-    labels = rng.integers(k, size=n)
-    count = np.bincount(labels, minlength=k)
-    for empty in np.flatnonzero(count == 0):
-        moved = rng.choice(np.flatnonzero(count[labels] > 1))
-        count[labels[moved]] -= 1
-        labels[moved] = empty
-        count[empty] = 1
-    return labels
-
-
-def _centroids(points: FloatArray, labels: NDArray[np.int64], k: int) -> FloatArray:
-    sums = [np.bincount(labels, weights=column, minlength=k) for column in points.T]
-    return np.column_stack(sums) / np.bincount(labels, minlength=k)[:, None]
-
-
-def _different(points: FloatArray) -> FloatArray:
-    return np.unique(points, axis=0)
-
-
 def _points(values: ArrayLike, name: str) -> FloatArray:
     points = np.asarray(values, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] < 1:
@@ -296,9 +281,82 @@ def _points(values: ArrayLike, name: str) -> FloatArray:
     return np.ascontiguousarray(points)
 
 
-def _corners(rectangle: Rectangle) -> tuple[FloatArray, FloatArray]:
-    values = np.asarray(rectangle, dtype=np.float64)
-    if values.shape != (4,) or not (np.isfinite(values).all() and (values[:2] < values[2:]).all()):
-        got = ", ".join(f"{v:g}" for v in values.ravel()[:8])
-        raise ConfigurationError(f"rectangle: expected xmin, ymin, xmax, ymax with min < max, got {got}")
-    return values[:2], values[2:]
+def _one_thread() -> AbstractContextManager[object]:
+    """Return a context in which scikit-learn computes in one thread: in more, its sums change from run to run."""
+    context: AbstractContextManager[object] = _thread_pools().limit(limits=1)
+    return context
+
+
+@lru_cache(maxsize=1)
+def _thread_pools() -> Any:
+    import sklearn.cluster  # noqa: F401  # loads the thread pools that the controller then finds
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
+# --- Regions that occupied cells enclose completely: the robot cannot reach them, so they count as occupied.
+
+
+def enclosed_cells(occupied: NDArray[np.bool_], robot: tuple[int, int] | None = None) -> NDArray[np.bool_]:
+    """Return which free or unknown cells are enclosed by occupied ones.
+
+    Cells are connected by their sides only: between two occupied cells that meet in a corner there is no passage.
+
+    Args:
+        occupied: shape (rows, columns); all other cells are free or unknown.
+        robot: the robot's row and column. The robot does not leave the grid, so that every cell not connected to its
+            own is enclosed. If this is None, or the cell is occupied, regions at the grid's edge are not enclosed.
+
+    Returns:
+        Shape (rows, columns), True only where ``occupied`` is False.
+    """
+    from scipy import ndimage
+
+    labels, count = ndimage.label(~np.asarray(occupied, dtype=np.bool_))
+    reached = np.zeros(count + 1, dtype=np.bool_)
+    if robot is not None and labels[robot]:
+        reached[labels[robot]] = True
+    else:
+        for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+            reached[edge] = True
+    reached[0] = True  # the label of the occupied cells
+    return np.asarray(~reached[labels])
+
+
+def enclosed_points(
+    points: FloatArray, boxes: FloatArray, rectangle: Rectangle, robot: FloatArray | None = None
+) -> NDArray[np.bool_]:
+    """Return which points lie in regions of a rectangle that boxes enclose.
+
+    The grid's lines are the edges of the boxes, so that boxes cover its cells completely or not at all: there is no
+    resolution to choose. Boxes less than a billionth of the rectangle apart leave no gap.
+
+    Args:
+        points: shape (n, 2), metres, in the rectangle.
+        boxes: shape (m, 4), rows xmin, ymin, xmax, ymax in metres; they may overlap and extend beyond the rectangle.
+        rectangle: the region that the robot does not leave.
+        robot: its position, shape (2,); see :func:`enclosed_cells`.
+
+    Returns:
+        Shape (n,).
+    """
+    if len(boxes) == 0:
+        return np.zeros(len(points), dtype=np.bool_)
+    low, high = np.array(rectangle[:2]), np.array(rectangle[2:])
+    slack = 1e-9 * float((high - low).max())
+    lower, upper = np.clip(boxes[:, :2] - slack, low, high), np.clip(boxes[:, 2:] + slack, low, high)
+    x, y = (np.unique([*lower[:, axis], *upper[:, axis], low[axis], high[axis]]) for axis in (0, 1))
+    x, y = (v if len(v) <= MAX_LINES else np.linspace(v[0], v[-1], MAX_LINES) for v in (x, y))
+    first = np.column_stack([np.searchsorted(x, lower[:, 0], "right"), np.searchsorted(y, lower[:, 1], "right")]) - 1
+    last = np.column_stack([np.searchsorted(x, upper[:, 0]), np.searchsorted(y, upper[:, 1])])
+    occupied = np.zeros((len(y) - 1, len(x) - 1), dtype=np.bool_)
+    for (i0, j0), (i1, j1) in zip(first, last, strict=True):
+        occupied[j0:j1, i0:i1] = True
+
+    def cells(at: FloatArray) -> tuple[Any, Any]:
+        row, column = np.searchsorted(y, at[..., 1], "right") - 1, np.searchsorted(x, at[..., 0], "right") - 1
+        return np.clip(row, 0, len(y) - 2), np.clip(column, 0, len(x) - 2)
+
+    home = None if robot is None else cells(np.asarray(robot))
+    return np.asarray(enclosed_cells(occupied, home)[cells(points)])

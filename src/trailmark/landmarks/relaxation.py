@@ -8,7 +8,7 @@ placing of landmarks and prove nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
 
@@ -17,14 +17,19 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.landmarks.grid_search import STEP_X, STEP_Y, fill_clearance, grid_costs
+from trailmark.landmarks.grid_search import CLOSED, STEP_X, STEP_Y, UNIT, cell_clearances, flood
+from trailmark.se2 import FloatArray
 
 __all__ = ["CostMap", "Relaxation"]
 
-FloatArray = NDArray[np.float64]
-
 MAX_CELLS, FINEST_CELLS = 1 << 16, 1 << 20
 """Maximum number of cells at first, and of cells that may be halved once more."""
+
+UNSURE_FACTOR = 3
+"""How many times dearer a cell is whose centre is too close to an obstacle for the disc."""
+
+CORNER_FACTOR = 2
+"""Factor on the cost of a diagonal step past such a cell: it would likely cut an obstacle's corner."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +38,10 @@ class CostMap:
 
     Attributes:
         cost: (rows, columns), metres, higher through cells whose centre is too close to an obstacle for the disc;
-            infinite where the disc cannot get, or not within ``limit``.
+            infinite where the disc cannot get.
         parent: (rows, columns) int8, the direction (index into the eight neighbours, counter-clockwise from +x)
             that leads back towards the source; -1 at the source and where ``cost`` is infinite.
-        limit: metres; the cost is known of every cell on a path of at most this cost, to the target if there is one,
-            else to the cell itself.
+        limit: metres, up to which paths are of interest.
     """
 
     cost: FloatArray
@@ -77,9 +81,17 @@ class Relaxation:
 
     @cached_property
     def _clearance(self) -> FloatArray:
-        """Clearance of the cells' centres; NaN where it is not computed yet."""
-        # Allocated when it is first needed: most first paths do without it.
-        return np.full((self.rows, self.columns), np.nan)
+        """Clearance of the cells' centres; most first paths do without it."""
+        checker, corner = self.checker, np.array([self.x0, self.y0], np.float64)
+        return np.asarray(
+            cell_clearances(checker.grid, checker.field, corner, self.size, self.rows, self.columns, self.radius)
+        )
+
+    @cached_property
+    def _dear(self) -> NDArray[np.int32]:
+        """What crossing each cell costs, closed ones around all."""
+        dear = np.where(self._clearance < self.radius, UNSURE_FACTOR * UNIT, UNIT)
+        return np.pad(np.where(self.open, dear, CLOSED), 1, constant_values=CLOSED).astype(np.int32)
 
     def finer(self) -> Relaxation | None:
         """Return the relaxation on cells half as large; None if there are more than FINEST_CELLS already."""
@@ -96,15 +108,17 @@ class Relaxation:
         Args:
             cells: row * columns + column, shape (n,).
         """
-        grid, field = self.checker.grid, self.checker.field
-        fill_clearance(grid, field, self._clearance, cells, self.x0, self.y0, self.size, self.radius)
         return self._clearance.ravel()[cells]
 
     @property
     def open(self) -> NDArray[np.bool_]:
         """The cells in which the disc's centre may lie, shape (rows, columns)."""
-        clearance = self.clearance(np.arange(self.rows * self.columns)).reshape(self.rows, self.columns)
-        return np.asarray(clearance >= self._min_clearance())
+        return np.asarray(self._clearance >= self._min_clearance())
+
+    def _min_clearance(self) -> float:
+        """Return the clearance of a cell's centre below which the disc's centre can be nowhere in the cell."""
+        # Contact is allowed up to 1e-7 m; ten times that counts as possible.
+        return self.radius - self.size * sqrt(0.5) - 1e-6
 
     def disc_centers(self, q: FloatArray) -> FloatArray:
         """Return the inscribed disc's centre in the world for configurations (..., 3); shape (..., 2)."""
@@ -112,11 +126,8 @@ class Relaxation:
 
     def references(self, centers: FloatArray, headings: FloatArray) -> FloatArray:
         """Return the configurations (n, 3) that put the disc's centre at ``centers`` (n, 2) with ``headings`` (n,)."""
-        cos, sin = np.cos(headings), np.sin(headings)
-        cx, cy = self.center
-        x = centers[:, 0] - cos * cx + sin * cy
-        y = centers[:, 1] - sin * cx - cos * cy
-        return np.column_stack([x, y, headings])
+        turned = np.column_stack([np.zeros((len(centers), 2)), headings])
+        return np.column_stack([centers - self.disc_centers(turned), headings])
 
     def cells(self, points: FloatArray) -> NDArray[np.int64]:
         """Return the cells (row * columns + column) of points (..., 2), clipped to the grid; shape (...)."""
@@ -129,42 +140,19 @@ class Relaxation:
         rows, columns = np.divmod(cells, self.columns)
         return np.column_stack([self.x0 + (columns + 0.5) * self.size, self.y0 + (rows + 0.5) * self.size])
 
-    def costs_from(
-        self,
-        q: FloatArray,
-        *,
-        limit: float = np.inf,
-        target: FloatArray | None = None,
-        widening: float = np.inf,
-        remaining: CostMap | None = None,
-    ) -> CostMap:
+    def costs_from(self, q: FloatArray, *, target: FloatArray | None = None, widening: float = np.inf) -> CostMap:
         """Return the costs from the disc's centre at configuration q, shape (3,), to the cells (Dijkstra).
 
         Args:
             q: the source.
-            limit: metres; cells at a higher cost may be left out.
-            target: shape (3,): once it is reached at some cost, the limit is (1 + ``widening``) times that cost.
+            target: shape (3,): if it is reached at some cost, the limit is (1 + ``widening``) times that cost.
             widening: see ``target``.
-            remaining: costs from another place; cells whose costs in both maps add up to more than ``limit`` may be
-                left out.
         """
-        target_cell = -1 if target is None else int(self.cells(self.disc_centers(target)))
-        cost, parent, reached = grid_costs(
-            self.checker.grid,
-            self.checker.field,
-            self._clearance,
-            self.x0,
-            self.y0,
-            self.size,
-            self.radius,
-            self._min_clearance(),
-            int(self.cells(self.disc_centers(q))),
-            target_cell,
-            limit,
-            widening,
-            np.empty((0, 0)) if remaining is None else remaining.cost,
-        )
-        return CostMap(cost, parent, reached)
+        row, column = divmod(int(self.cells(self.disc_centers(q))), self.columns)
+        cost, parent = flood(self._dear, (row + 1) * (self.columns + 2) + column + 1, -1, CORNER_FACTOR)
+        costs = CostMap(cost[1:-1, 1:-1] * np.float64(self.size), np.ascontiguousarray(parent[1:-1, 1:-1]), np.inf)
+        reached = np.inf if target is None else float(self.cost_at(costs, target))
+        return replace(costs, limit=(1.0 + widening) * reached + 8.0 * self.size) if reached > 0.0 else costs
 
     def cost_at(self, costs: CostMap, q: FloatArray) -> FloatArray:
         """Return the costs (metres) of the cells of the disc's centre at configurations (..., 3), shape (...)."""
@@ -194,8 +182,3 @@ class Relaxation:
             cell += int(STEP_Y[k]) * self.columns + int(STEP_X[k])
             cells.append(cell)
         return np.array(cells)
-
-    def _min_clearance(self) -> float:
-        """Return the clearance of a cell's centre below which the disc's centre can be nowhere in the cell."""
-        # Contact is allowed up to 1e-7 m; ten times that counts as possible.
-        return self.radius - self.size * sqrt(0.5) - 1e-6

@@ -16,8 +16,8 @@ import numpy as np
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField, interpolated
 from trailmark.collision.footprint import Footprint
-from trailmark.compiled import njit
 from trailmark.heading import wrapped
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["retract", "retract_all"]
@@ -36,7 +36,7 @@ DAMPING = 0.05
 """Of the squared slopes: where they tell no direction, inside an obstacle or midway between two, nothing moves far."""
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def retract(field: ClearanceField, robot: Footprint, q: FloatArray, reach: float, turn: float, margin: float) -> None:
     """Push the configuration q, shape (3,), off the obstacles, in place; it may be invalid still.
 
@@ -93,7 +93,7 @@ def retract_all(checker: StateChecker, q: FloatArray, reach: float) -> FloatArra
     return np.asarray(_retract_all(checker.field, checker.footprint, np.array(q), reach, turn))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _retract_all(field: ClearanceField, robot: Footprint, q: FloatArray, reach: float, turn: float) -> FloatArray:
     for i in range(len(q)):
         retract(field, robot, q[i], reach, turn, SHARE_OF_REACH * reach)

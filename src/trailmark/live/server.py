@@ -16,7 +16,7 @@ from string import Template
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from trailmark import colours
+from trailmark import shown as colours
 from trailmark.errors import ConfigurationError
 from trailmark.live.connection import Connection
 from trailmark.live.messages import MAX_BYTES

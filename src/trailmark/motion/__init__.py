@@ -60,4 +60,4 @@ def motion_of(checker: StateChecker, steering: Steering | None = None, objective
 
 def is_weighted(world: World, objective: Objective) -> bool:
     """Return whether a metre's cost differs from place to place or from its length, or its direction matters."""
-    return objective.charges_places or any(isinstance(zone, CostZone | OneWayZone) for zone in world.zones)
+    return objective.position_dependent or any(isinstance(zone, CostZone | OneWayZone) for zone in world.zones)

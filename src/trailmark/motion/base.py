@@ -3,7 +3,7 @@
 There are four kinds: a disc's translation (:mod:`trailmark.motion.translation`), a straight motion in SE(2)
 (:mod:`trailmark.motion.straight`), the shortest curve of a car (:mod:`trailmark.motion.curve`), and what a differential
 drive does: turn, drive ahead, turn (:mod:`trailmark.motion.differential`). Compiled code takes a kind as a named tuple
-and calls the functions below, which are chosen by its type while it is compiled (:func:`trailmark.compiled.by_type`).
+and calls the functions below, which are chosen by its type while it is compiled (:func:`trailmark.variants.by_type`).
 Python uses a :class:`Motion`, which holds that tuple.
 """
 
@@ -19,11 +19,12 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import UNDECIDED
-from trailmark.compiled import by_type, njit
 from trailmark.errors import ConfigurationError
+from trailmark.jit import callee, njit
 from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.variants import by_type
 
 __all__ = [
     "Motion",
@@ -124,7 +125,7 @@ def least_cost(kind: Any, a: FloatArray, b: FloatArray) -> float:
     raise NotImplementedError
 
 
-@njit(cache=True)
+@callee
 def extra_along(kind: Any, scratch: Scratch, path: FloatArray, first: int, last: int) -> float:
     """Return the :func:`extra` cost of a path's motions from state ``first`` to ``last``, what is before left aside."""
     total, gear = 0.0, 0.0
@@ -141,7 +142,7 @@ def obeys_triangle(kind: Any) -> bool:
     raise NotImplementedError
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def costs(kind: Any, a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the costs (metres, shape (n,)) of the motions from a to b, each of shape (n, 3)."""
     scratch, result = new_scratch(kind), np.empty(len(a))
@@ -150,7 +151,7 @@ def costs(kind: Any, a: FloatArray, b: FloatArray) -> FloatArray:
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def motions_free(kind: Any, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
     """Return which motions between valid configurations, each of shape (n, 3), are certified, shape (n,)."""
     scratch, result = new_scratch(kind), np.empty(len(a), np.bool_)

@@ -13,15 +13,16 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, workspace
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit, variant_of
 from trailmark.curves import CurvePath, Steering
 from trailmark.curves.shortest import MAX_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
 from trailmark.errors import ConfigurationError
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch, charged, extra_along, new_scratch
 from trailmark.objective import Objective
 from trailmark.se2 import FloatArray
+from trailmark.variants import variant_of
 
 __all__ = ["Curve", "CurveMotion", "word_extra"]
 
@@ -119,19 +120,19 @@ class CurveMotion(Motion):
 
 
 @variant_of(base.new_scratch, Curve)
-@njit(cache=True)
+@array_callee
 def _new_scratch(kind: Curve) -> Scratch:
     return Scratch(workspace(kind.robot), new_queue(), np.empty((MAX_WORDS, 2, PIECES)))
 
 
 @variant_of(base.cost, Curve)
-@njit(cache=True)
+@callee
 def _cost(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return float(curve_length(a, b, kind.radius, kind.reverse, scratch.words))
 
 
 @variant_of(base.certified, Curve)
-@njit(cache=True)
+@array_callee
 def _certified(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     word = shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
     answer = curve_motion(
@@ -141,31 +142,31 @@ def _certified(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, budg
 
 
 @variant_of(base.interpolate, Curve)
-@njit(cache=True)
+@array_callee
 def _interpolate(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     walk(a, shortest_word(a, b, kind.radius, kind.reverse, scratch.words), kind.radius, along, q)
 
 
 @variant_of(base.embedding_radius, Curve)
-@njit(cache=True)
+@njit
 def _radius(kind: Curve) -> float:
     return kind.radius
 
 
 @variant_of(base.least_cost, Curve)
-@njit(cache=True)
+@callee
 def _least_cost(kind: Curve, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])
 
 
 @variant_of(base.charged, Curve)
-@njit(cache=True)
+@njit(numbers=True)
 def _charged(kind: Curve) -> bool:
     return bool(kind.direction_change > 0.0 or kind.reverse_metre > 0.0)
 
 
 @variant_of(base.extra, Curve)
-@njit(cache=True)
+@array_callee
 def _extra(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, gear: float) -> tuple[float, float]:
     if not _charged(kind):
         return 0.0, 0.0
@@ -173,7 +174,7 @@ def _extra(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, gear: fl
     return word_extra(word, kind.radius, kind.direction_change, kind.reverse_metre, gear)
 
 
-@njit(cache=True)
+@callee
 def word_extra(
     word: FloatArray, radius: float, direction_change: float, reverse_metre: float, gear: float
 ) -> tuple[float, float]:
@@ -191,12 +192,12 @@ def word_extra(
     return total, gear
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _extra_of(kind: Curve, states: FloatArray) -> float:
     return extra_along(kind, new_scratch(kind), states, 0, len(states) - 1)
 
 
 @variant_of(base.obeys_triangle, Curve)
-@njit(cache=True)
+@callee
 def _obeys_triangle(kind: Curve) -> bool:
     return True

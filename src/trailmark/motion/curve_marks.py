@@ -12,20 +12,20 @@ from collections.abc import Iterator
 from math import ceil, fabs
 
 import numpy as np
-from numba import carray  # type: ignore[attr-defined]  # numba does export it
+from numpy.typing import NDArray
 
 from trailmark.collision import kernels
-from trailmark.collision.certify import curve_motion
-from trailmark.compiled import njit
+from trailmark.collision.certify import BUDGET, curve_motion
 from trailmark.curves.shortest import all_words, as_long, shortest_of
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
 from trailmark.errors import ConfigurationError
+from trailmark.jit import array_callee, njit
 from trailmark.motion.pointwise import (
     Configuration,
+    Packed,
     PointwiseChecker,
     is_configuration,
-    pointer,
-    scratch_at,
+    scratch_of,
     unpacked,
 )
 from trailmark.se2 import FloatArray
@@ -59,8 +59,7 @@ class CurveMarks:
             raise ConfigurationError("curve marks: expected a checker with steering, got one of straight motions")
         self.single, self.steering = single, single.steering
         rows = np.empty((MAX_MARKS + 1, 4))
-        self._length, self._marks = rows[0], rows[1:]
-        self._rows_address: int = rows.ctypes.data
+        self._rows, self._length, self._marks = rows, rows[0], rows[1:]
         inside = (float(single.checker.world.bounds[0]), float(single.checker.world.bounds[1]), 0.0)
         # Compiled or loaded now, before a planner's clock runs.
         self.shortest(inside, inside)
@@ -82,12 +81,10 @@ class CurveMarks:
         """Certify a curve and write its marks; return what :func:`_marked_curve` does."""
         # Held meanwhile: the checker may be updated in another thread.
         steering, packed = self.steering, self.single.packed
-        return int(
-            _marked_curve(packed.address, *a, *b, steering.radius, steering.reverse, length, number, self._rows_address)
-        )
+        return int(_marked_curve(*packed.arrays, *a, *b, steering.radius, steering.reverse, length, number, self._rows))
 
 
-@njit(cache=True)
+@array_callee
 def _mark(a: FloatArray, word: FloatArray, radius: float, alone: bool, marks: FloatArray) -> int:
     """Write the marks of a word from a into ``marks``, shape (MAX_MARKS, 4); return how many there are.
 
@@ -117,9 +114,12 @@ def _mark(a: FloatArray, word: FloatArray, radius: float, alone: bool, marks: Fl
     return n
 
 
-@njit(cache=True)
+@njit
 def _marked_curve(
-    address: int,
+    floats: FloatArray,
+    integers: NDArray[np.int32],
+    distance: NDArray[np.float32],
+    places: NDArray[np.int64],
     ax: float,
     ay: float,
     at: float,
@@ -130,20 +130,20 @@ def _marked_curve(
     reverse: bool,
     length: float,
     number: int,
-    rows_address: int,
+    rows: FloatArray,
 ) -> int:
     """Certify one of the curves from a to b: number 0 is the shortest, the others are ``length`` metres long.
 
-    The length of the shortest one is written to the first row at ``rows_address``, the curve's marks to the next ones.
+    The length of the shortest one is written to the first of the ``rows``, the curve's marks to the next ones.
 
     Returns:
         How many marks were written, 0 if the curve is not certified, -1 if there is no curve of that number.
     """
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return -1
-    grid, field, robot = unpacked(address)
-    scratch, ends = scratch_at(address)
-    rows, words = carray(pointer(rows_address), (MAX_MARKS + 1, 4), np.float64), scratch.words
+    packed = Packed(floats, integers, distance, places)
+    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
+    words = scratch.words
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
     n, swapped = all_words(ends[0], ends[1], radius, reverse, words)
@@ -152,7 +152,7 @@ def _marked_curve(
     if chosen < 0:
         return -1
     word = reversed_word(words[chosen]) if swapped else words[chosen]
-    if curve_motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], word, radius) != kernels.FREE:
+    if curve_motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], word, radius, BUDGET) != kernels.FREE:
         return 0
     rows[0, 0] = radius * shortest
     alone = number == 0 and as_long(words, n, best, shortest, DISTINCT / radius, 1) < 0

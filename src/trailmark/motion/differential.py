@@ -10,18 +10,19 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.collision.certify import motion
+from trailmark.collision.certify import EXACT, motion
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, state
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn, wrapped
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch
 from trailmark.motion.straight import never_charged, no_extra, straight_scratch
 from trailmark.path import Path
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.variants import variant_of
 
 __all__ = ["ALIGNED", "Differential", "DifferentialMotion", "facing"]
 
@@ -104,7 +105,7 @@ class DifferentialMotion(Motion):
         return Path(self.driven(states))
 
 
-@njit(cache=True)
+@callee
 def facing(kind: Any, a: FloatArray, b: FloatArray) -> float:
     """Return the heading (radians) in which the robot drives from a to b; a's own where it does not."""
     dx, dy = b[0] - a[0], b[1] - a[1]
@@ -124,7 +125,7 @@ def facing(kind: Any, a: FloatArray, b: FloatArray) -> float:
     return float(b[2]) if fabs(turn(ahead, b[2])) <= ALIGNED else ahead
 
 
-@njit(cache=True)
+@array_callee
 def _stops(kind: Any, a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the four states, shape (4, 3), between which a motion turns, drives and turns."""
     stops = np.empty((4, 3))
@@ -133,7 +134,7 @@ def _stops(kind: Any, a: FloatArray, b: FloatArray) -> FloatArray:
     return stops
 
 
-@njit(cache=True)
+@njit
 def _driven(kind: Any, states: FloatArray) -> FloatArray:
     found = np.empty((3 * len(states), 3))
     found[0] = states[0]
@@ -153,7 +154,7 @@ variant_of(base.charged, Differential)(never_charged)
 
 
 @variant_of(base.cost, Differential)
-@njit(cache=True)
+@callee
 def _cost(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     heading = facing(kind, a, b)
     turned = fabs(turn(a[2], heading)) + fabs(turn(heading, b[2]))
@@ -161,7 +162,7 @@ def _cost(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArray) ->
 
 
 @variant_of(base.certified, Differential)
-@njit(cache=True)
+@array_callee
 def _certified(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     stops = _stops(kind, a, b)
     for k in range(1, 3):
@@ -173,7 +174,7 @@ def _certified(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArra
     # The drive first: it is the longest.
     for k in (1, 0, 2):
         free = motion(
-            kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, stops[k], stops[k + 1], True, budget
+            kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, stops[k], stops[k + 1], EXACT, budget
         )
         if free != FREE:
             return False
@@ -181,7 +182,7 @@ def _certified(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArra
 
 
 @variant_of(base.interpolate, Differential)
-@njit(cache=True)
+@array_callee
 def _interpolate(
     kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray
 ) -> None:
@@ -199,19 +200,19 @@ def _interpolate(
 
 
 @variant_of(base.embedding_radius, Differential)
-@njit(cache=True)
+@njit
 def _radius(kind: Differential) -> float:
     # A disc's turns cost something here, too.
     return float(max(kind.robot.sweep_radius, ROTATION_WEIGHT))
 
 
 @variant_of(base.obeys_triangle, Differential)
-@njit(cache=True)
+@callee
 def _obeys_triangle(kind: Differential) -> bool:
     return not kind.reverse
 
 
 @variant_of(base.least_cost, Differential)
-@njit(cache=True)
+@callee
 def _least_cost(kind: Differential, a: FloatArray, b: FloatArray) -> float:
     return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))

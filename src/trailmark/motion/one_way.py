@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.compiled import njit
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import wrapped
+from trailmark.jit import array_callee, callee, njit
+from trailmark.motion.density import sort_in_place
 from trailmark.se2 import FloatArray
-from trailmark.sorting import sort_in_place
 from trailmark.touching import TOUCHING_TOLERANCE
 from trailmark.zones import OneWayZone, Zone
 
@@ -75,7 +75,7 @@ def one_ways(zones: Iterable[Zone]) -> OneWays:
     )
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def straight_allowed(zones: OneWays, a: FloatArray, b: FloatArray) -> bool:
     """Return whether the straight motion from a to b, each of shape (3,), travels as all zones allow."""
     if len(zones.headings) == 0:
@@ -101,7 +101,7 @@ def straight_valid(checker: StateChecker) -> Callable[[FloatArray, FloatArray], 
     return valid
 
 
-@njit(cache=True)
+@njit(numbers=True)
 def curve_allowed(zones: OneWays, a: FloatArray, word: FloatArray, radius: float) -> bool:
     """Return whether a car's curve travels as all zones allow, its pieces in reverse included.
 
@@ -126,7 +126,7 @@ def curve_allowed(zones: OneWays, a: FloatArray, word: FloatArray, radius: float
     return True
 
 
-@njit(cache=True)
+@array_callee
 def _piece_allowed(zones: OneWays, x: float, y: float, ahead: float, side: float, length: float, radius: float) -> bool:
     """Return whether a straight piece or an arc travels as all zones allow.
 
@@ -176,7 +176,7 @@ def _piece_allowed(zones: OneWays, x: float, y: float, ahead: float, side: float
     return True
 
 
-@njit(cache=True)
+@array_callee
 def _near_outline(
     edges: FloatArray, x: float, y: float, ahead: float, side: float, begin: float, end: float, radius: float
 ) -> bool:
@@ -217,7 +217,7 @@ def _near_outline(
     return True
 
 
-@njit(cache=True)
+@callee
 def _cut_line(
     edges: FloatArray, x: float, y: float, end_x: float, end_y: float, length: float, cuts: FloatArray, count: int
 ) -> int:
@@ -237,7 +237,7 @@ def _cut_line(
     return count
 
 
-@njit(cache=True)
+@callee
 def _cut_arc(
     edges: FloatArray,
     x: float,
@@ -271,7 +271,7 @@ def _cut_arc(
     return count
 
 
-@njit(cache=True)
+@callee
 def _distance(edge: FloatArray, x: float, y: float) -> float:
     """Return the distance (metres) of a point from an edge, x1, y1, x2, y2."""
     ex, ey, px, py = edge[2] - edge[0], edge[3] - edge[1], x - edge[0], y - edge[1]
@@ -279,7 +279,7 @@ def _distance(edge: FloatArray, x: float, y: float) -> float:
     return hypot(px - t * ex, py - t * ey)
 
 
-@njit(cache=True)
+@callee
 def _inside(edges: FloatArray, x: float, y: float) -> bool:
     """Return whether a point is inside of a zone."""
     inside = False

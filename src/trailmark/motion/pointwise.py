@@ -1,7 +1,7 @@
 """PointwiseChecker: one configuration or motion per call, for callers that need one at a time, such as OMPL's planners.
 
-To pass the checker's arrays to compiled code takes longer (4 µs) than most answers. Here they are passed once, as
-addresses in one array of integers; a call then passes the address of that array and the coordinates (less than 1 µs).
+To pass the checker's ten arrays to compiled code takes longer (4 µs) than most answers. Here they are joined to a few
+beforehand.
 """
 
 from __future__ import annotations
@@ -10,49 +10,64 @@ from math import isfinite, pi
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import carray, types  # type: ignore[attr-defined]  # numba does export carray
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from trailmark.collision import kernels
-from trailmark.collision.certify import BUDGET, motion, new_queue
+from trailmark.collision.certify import BUDGET, EXACT, motion, new_queue
 from trailmark.collision.checker import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
 from trailmark.curves import Steering
 from trailmark.curves.shortest import MAX_WORDS
 from trailmark.curves.words import PIECES
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion.base import Scratch, certified
 from trailmark.motion.curve import Curve
 
 __all__ = [
     "Configuration",
+    "Packed",
     "PackedChecker",
     "PointwiseChecker",
     "is_configuration",
-    "pointer",
-    "scratch_at",
+    "scratch_of",
     "unpacked",
 ]
 
 FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
+Int64Array = NDArray[np.int64]
 Configuration = tuple[float, float, float]
 
 
+class Packed(NamedTuple):
+    """A checker's arrays and memory to work in, in few arrays, which kernels take one by one: that is soonest.
+
+    Attributes:
+        floats: all arrays of float64, one behind the other.
+        integers: all of int32, likewise.
+        distance: that of the clearance field.
+        places: (n, 3), where each begins, its rows and its columns; then rows and columns of the grid's cells.
+    """
+
+    floats: FloatArray
+    integers: Int32Array
+    distance: Float32Array
+    places: Int64Array
+
+
 class PackedChecker(NamedTuple):
-    """A checker and where compiled code finds its arrays; whoever uses the address holds this meanwhile.
+    """A checker and what compiled code reads of it.
 
     Attributes:
         checker: the checker.
-        address: of the array that names all others (:func:`unpacked`).
-        memory: the arrays, kept alive.
+        arrays: its arrays.
     """
 
     checker: StateChecker
-    address: int
-    memory: list[NDArray[Any]]
+    arrays: Packed
 
 
 class PointwiseChecker:
@@ -72,10 +87,8 @@ class PointwiseChecker:
 
     def __init__(self, checker: StateChecker, steering: Steering | None = None) -> None:
         self.steering = steering
-        # Memory for the kernels to work in. One call at a time uses it, since none releases the interpreter's lock.
-        words = np.empty((MAX_WORDS, 2, PIECES))
-        self._scratch = [kernels.workspace(checker.footprint), new_queue(), words, np.empty((2, 3))]
-        self.packed = _packed(checker, self._scratch)
+        # Its memory is for one call at a time, since none releases the interpreter's lock.
+        self.packed = _packed(checker)
         self._warm_up()
 
     @property
@@ -93,15 +106,15 @@ class PointwiseChecker:
             ConfigurationError: a checker for another robot.
         """
         checker.require_for(checker.world, self.checker.robot)
-        self.packed = _packed(checker, self._scratch)
+        self.packed = _packed(checker)
 
     def _warm_up(self) -> None:
         """Call every kernel once."""
-        address = self.packed.address
+        arrays = self.packed.arrays
         xmin, ymin, xmax, ymax = self.checker.world.bounds
         inside = (0.5 * (xmin + xmax), 0.5 * (ymin + ymax), 0.0)
-        _valid(address, *inside)
-        _clearance(address, *inside)
+        _valid(*arrays, *inside)
+        _clearance(*arrays, *inside)
         self.motion_valid(inside, inside)
         self.step_valid(*inside, *inside)
         self.checker.scene.collides(np.array(inside))
@@ -112,7 +125,7 @@ class PointwiseChecker:
 
     def clearance(self, x: float, y: float, theta: float) -> float:
         """Return the distance (metres) to the nearest obstacle or bound, beyond the clearance that the robot keeps."""
-        return float(_clearance(self.packed.address, x, y, theta))
+        return float(_clearance(*self.packed.arrays, x, y, theta))
 
     def motion_valid(self, a: Configuration, b: Configuration) -> bool:
         """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
@@ -122,116 +135,70 @@ class PointwiseChecker:
         """Return whether b is valid and the motion from a, known to be valid, to b is certified."""
         packed = self.packed
         if self.steering is None:
-            answer = _step(packed.address, ax, ay, at, bx, by, bt)
+            answer = _step(*packed.arrays, ax, ay, at, bx, by, bt)
             if answer != kernels.UNDECIDED:
                 return bool(answer == kernels.FREE)
         return _state_valid(packed, bx, by, bt) and self._motion_valid(packed, (ax, ay, at), (bx, by, bt))
 
     def _motion_valid(self, packed: PackedChecker, a: Configuration, b: Configuration) -> bool:
         if self.steering is not None:
-            return bool(_curve(packed.address, *a, *b, self.steering.radius, self.steering.reverse))
-        return bool(_straight(packed.address, *a, *b) == kernels.FREE)
+            return bool(_curve(*packed.arrays, *a, *b, self.steering.radius, self.steering.reverse))
+        return bool(_straight(*packed.arrays, *a, *b) == kernels.FREE)
 
 
 def _state_valid(packed: PackedChecker, x: float, y: float, theta: float) -> bool:
-    answer = _valid(packed.address, x, y, theta)
+    answer = _valid(*packed.arrays, x, y, theta)
     if answer == kernels.UNDECIDED:
         return not packed.checker.scene.collides(np.array([x, y, theta]))
     return bool(answer == kernels.FREE)
 
 
-def _packed(checker: StateChecker, scratch: list[FloatArray]) -> PackedChecker:
+def _packed(checker: StateChecker) -> PackedChecker:
     """Pack a checker, whose FCL scene is built now, and not within a call."""
     _ = checker.scene
-    arrays, numbers = _arrays(checker), np.array(_numbers(checker))
-    rows = [(array.ctypes.data, *array.shape, 1)[:3] for array in arrays]
-    memory = [len(scratch[0]), *(array.ctypes.data for array in (*scratch, numbers))]
-    places = np.array([*np.ravel(rows), checker.grid.columns, checker.grid.rows, *memory], dtype=np.int64)
-    return PackedChecker(checker, places.ctypes.data, [*arrays, numbers, places])
-
-
-def _arrays(checker: StateChecker) -> list[NDArray[Any]]:
-    """Return the arrays that the kernels read, in the order in which :func:`unpacked` takes them."""
-    grid, robot = checker.grid, checker.footprint
-    return [
-        grid.segments,
-        grid.discs,
-        grid.cell_start,
-        grid.items,
-        grid.winding,
-        checker.field.distance,
-        robot.outline,
-        robot.core,
-        robot.cover,
-        robot.inner,
-    ]
-
-
-def _numbers(checker: StateChecker) -> list[float]:
-    """Return the numbers that the kernels read, in the order in which :func:`unpacked` takes them."""
     grid, field, robot = checker.grid, checker.field, checker.footprint
-    return [
-        grid.x0,
-        grid.y0,
-        grid.size,
-        field.x0,
-        field.y0,
-        field.size,
-        field.slack,
-        robot.core_gap,
-        robot.circumradius,
-        robot.sweep_radius,
-        robot.dilation,
-        robot.rim,
-    ]
+    numbers = [grid.x0, grid.y0, grid.size, field.x0, field.y0, field.size, field.slack, robot.core_gap]
+    numbers += [robot.circumradius, robot.sweep_radius, robot.dilation, robot.rim]
+    of_robot = [robot.outline, robot.core, robot.cover, robot.inner]
+    memory = [kernels.workspace(robot), new_queue(), np.empty((2, 3)), np.empty((MAX_WORDS * 2, PIECES))]
+    floats = [grid.segments, grid.discs, *of_robot, *memory, np.array([numbers])]
+    integers = [grid.cell_start, grid.items[None], grid.winding]
+    places = [row for arrays in (floats, integers) for row in _places(arrays)]
+    joined = np.concatenate([np.ravel(array) for array in floats])
+    together = np.concatenate([np.ravel(array) for array in integers])
+    shape = (0, grid.columns, grid.rows)
+    return PackedChecker(checker, Packed(joined, together, field.distance, np.array([*places, shape], np.int64)))
 
 
-def _to_pointer(typing_context: Any, address: Any) -> Any:
-    """Turn an address into a pointer, in compiled code."""
-
-    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.inttoptr(values[0], context.get_value_type(types.voidptr))
-
-    return types.voidptr(address), build
+def _places(arrays: list[NDArray[Any]]) -> list[tuple[int, ...]]:
+    """Return where each of some arrays, of two dimensions, begins once they are joined, its rows and its columns."""
+    begins = np.cumsum([0, *(array.size for array in arrays)]).tolist()
+    return [(begin, *array.shape) for begin, array in zip(begins, arrays, strict=False)]
 
 
-pointer: Any = intrinsic(_to_pointer)
+@array_callee
+def _table(joined: NDArray[Any], places: NDArray[np.int64], k: int) -> Any:
+    """Return an array of those that were joined, (rows, columns)."""
+    begin, rows, columns = places[k, 0], places[k, 1], places[k, 2]
+    return joined[begin : begin + rows * columns].reshape(rows, columns)
 
 
-@njit(cache=True)
-def _numbers_at(address: int) -> FloatArray:
-    return carray(pointer(carray(pointer(address), (38,), np.int64)[37]), (12,), np.float64)
-
-
-@njit(cache=True)
-def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
-    """Return the kernels' arguments: of each array there are address, rows and columns, then the numbers' address."""
-    places, numbers = carray(pointer(address), (38,), np.int64), _numbers_at(address)
-    grid = ObstacleGrid(
-        carray(pointer(places[0]), (places[1], places[2]), np.float64),
-        carray(pointer(places[3]), (places[4], places[5]), np.float64),
-        carray(pointer(places[6]), (places[7], places[8]), np.int32),
-        carray(pointer(places[9]), (places[10],), np.int32),
-        carray(pointer(places[12]), (places[13], places[14]), np.int32),
-        numbers[0],
-        numbers[1],
-        numbers[2],
-        places[30],
-        places[31],
-    )
-    field = ClearanceField(
-        carray(pointer(places[15]), (places[16], places[17]), np.float32),
-        numbers[3],
-        numbers[4],
-        numbers[5],
-        numbers[6],
-    )
+@array_callee
+def unpacked(packed: Packed) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
+    """Return the kernels' arguments, in the order in which :func:`_packed` joins them."""
+    floats, integers, places = packed.floats, packed.integers, packed.places
+    numbers = _table(floats, places, 10)[0]
+    segments, discs = _table(floats, places, 0), _table(floats, places, 1)
+    starts, items, winding = _table(integers, places, 11), _table(integers, places, 12)[0], _table(integers, places, 13)
+    columns, rows = places[14, 1], places[14, 2]
+    grid = ObstacleGrid(segments, discs, starts, items, winding, numbers[0], numbers[1], numbers[2], columns, rows)
+    field = ClearanceField(packed.distance, numbers[3], numbers[4], numbers[5], numbers[6])
     robot = Footprint(
-        carray(pointer(places[18]), (places[19], places[20]), np.float64),
-        carray(pointer(places[21]), (places[22], places[23]), np.float64),
+        _table(floats, places, 2),
+        _table(floats, places, 3),
         numbers[7],
-        carray(pointer(places[24]), (places[25], places[26]), np.float64),
-        carray(pointer(places[27]), (places[28], places[29]), np.float64),
+        _table(floats, places, 4),
+        _table(floats, places, 5),
         numbers[8],
         numbers[9],
         numbers[10],
@@ -240,58 +207,86 @@ def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     return grid, field, robot
 
 
-@njit(cache=True)
-def scratch_at(address: int) -> tuple[Scratch, FloatArray]:
+@array_callee
+def scratch_of(packed: Packed) -> tuple[Scratch, FloatArray]:
     """Return memory to work in, and for a motion's ends, shape (2, 3)."""
-    places = carray(pointer(address), (38,), np.int64)
-    scratch = Scratch(
-        carray(pointer(places[33]), (places[32], 2), np.float64),
-        carray(pointer(places[34]), (128, 2), np.float64),
-        carray(pointer(places[35]), (MAX_WORDS, 2, PIECES), np.float64),
-    )
-    return scratch, carray(pointer(places[36]), (2, 3), np.float64)
+    floats, places = packed.floats, packed.places
+    words = _table(floats, places, 9).reshape(MAX_WORDS, 2, PIECES)
+    return Scratch(_table(floats, places, 6), _table(floats, places, 7), words), _table(floats, places, 8)
 
 
-@njit(cache=True)
+@callee
 def is_configuration(x: float, y: float, theta: float) -> bool:
     """Return whether numbers are a configuration: kernels would take what compares false with everything for free."""
     return isfinite(x + y) and -pi <= theta <= pi
 
 
-@njit(cache=True)
-def _valid(address: int, x: float, y: float, theta: float) -> int:
+@njit
+def _valid(
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
+    x: float,
+    y: float,
+    theta: float,
+) -> int:
     if not is_configuration(x, y, theta):
         return kernels.BLOCKED
-    grid, field, robot = unpacked(address)
-    return int(kernels.state(grid, field, robot, scratch_at(address)[0].placed, x, y, theta))
+    packed = Packed(floats, integers, distance, places)
+    grid, field, robot = unpacked(packed)
+    return int(kernels.state(grid, field, robot, scratch_of(packed)[0].placed, x, y, theta))
 
 
-@njit(cache=True)
-def _clearance(address: int, x: float, y: float, theta: float) -> float:
+@njit
+def _clearance(
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
+    x: float,
+    y: float,
+    theta: float,
+) -> float:
     if not is_configuration(x, y, theta):
         return 0.0
-    grid, field, robot = unpacked(address)
+    packed = Packed(floats, integers, distance, places)
+    grid, field, robot = unpacked(packed)
     q = np.empty((1, 3))
     q[0, 0], q[0, 1], q[0, 2] = x, y, theta
     return float(kernels.clearances(grid, field, robot, q, np.inf)[0])
 
 
-@njit(cache=True)
-def _straight(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
+@njit
+def _straight(
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
+    ax: float,
+    ay: float,
+    at: float,
+    bx: float,
+    by: float,
+    bt: float,
+) -> int:
     """Return FREE or BLOCKED for the straight motion from a to b."""
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return kernels.BLOCKED
-    grid, field, robot = unpacked(address)
-    scratch, ends = scratch_at(address)
+    packed = Packed(floats, integers, distance, places)
+    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
     # As :func:`trailmark.motion.base.certified` does it, whose many words of arguments take a tenth of the time.
-    return int(motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], ends[1], True))
+    return int(motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], ends[1], EXACT, BUDGET))
 
 
-@njit(cache=True)
+@njit
 def _curve(
-    address: int,
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
     ax: float,
     ay: float,
     at: float,
@@ -304,23 +299,34 @@ def _curve(
     """Return whether the shortest curve from a to b is certified."""
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return False
-    grid, field, robot = unpacked(address)
-    scratch, ends = scratch_at(address)
+    packed = Packed(floats, integers, distance, places)
+    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
     return certified(Curve(grid, field, robot, radius, reverse, 0.0, 0.0), scratch, ends[0], ends[1], BUDGET)
 
 
-@njit(cache=True)
-def _step(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
+@njit
+def _step(
+    floats: FloatArray,
+    integers: Int32Array,
+    distance: Float32Array,
+    places: Int64Array,
+    ax: float,
+    ay: float,
+    at: float,
+    bx: float,
+    by: float,
+    bt: float,
+) -> int:
     """Return FREE or BLOCKED for the end b and the straight motion to it; UNDECIDED where b is left to FCL."""
     if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return kernels.BLOCKED
-    grid, field, robot = unpacked(address)
-    scratch, ends = scratch_at(address)
+    packed = Packed(floats, integers, distance, places)
+    (grid, field, robot), (scratch, ends) = unpacked(packed), scratch_of(packed)
     answer = int(kernels.state(grid, field, robot, scratch.placed, bx, by, bt))
     if answer != kernels.FREE:
         return answer
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return int(motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], ends[1], True))
+    return int(motion(grid, field, robot, scratch.placed, scratch.queue, ends[0], ends[1], EXACT, BUDGET))

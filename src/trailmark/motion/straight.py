@@ -9,17 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.collision.certify import motion, new_queue
+from trailmark.collision.certify import EXACT, motion, new_queue
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, workspace
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn, wrapped
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch
 from trailmark.path import Path
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.variants import variant_of
 
 __all__ = [
     "Straight",
@@ -79,27 +80,27 @@ class StraightMotion(Motion):
 
 
 @variant_of(base.new_scratch, Straight)
-@njit(cache=True)
+@array_callee
 def straight_scratch(kind: Any) -> Scratch:
     """Return memory for straight motions."""
     return Scratch(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))
 
 
 @variant_of(base.cost, Straight)
-@njit(cache=True)
+@callee
 def _cost(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))
 
 
 @variant_of(base.certified, Straight)
-@njit(cache=True)
+@callee
 def straight_certified(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     """Return whether the straight motion from a to b, each of shape (3,) and valid, is certified."""
-    return bool(motion(kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, a, b, True, budget) == FREE)
+    return bool(motion(kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, a, b, EXACT, budget) == FREE)
 
 
 @variant_of(base.interpolate, Straight)
-@njit(cache=True)
+@callee
 def _interpolate(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     length = hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2]))
     t = min(1.0, along / length) if length > 0.0 else 0.0
@@ -108,34 +109,34 @@ def _interpolate(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray,
 
 
 @variant_of(base.embedding_radius, Straight)
-@njit(cache=True)
+@njit
 def sweep_radius(kind: Any) -> float:
     """Return the maximum distance (metres) that a point of the robot moves in a turn of one radian."""
     return float(kind.robot.sweep_radius)
 
 
 @variant_of(base.least_cost, Straight)
-@njit(cache=True)
+@callee
 def _least_cost(kind: Straight, a: FloatArray, b: FloatArray) -> float:
     return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))
 
 
 @variant_of(base.extra, Straight)
-@njit(cache=True)
+@callee
 def no_extra(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, gear: float) -> tuple[float, float]:
     """Return that motions in every direction cost nothing beyond their own cost."""
     return 0.0, 0.0
 
 
 @variant_of(base.charged, Straight)
-@njit(cache=True)
+@njit
 def never_charged(kind: Any) -> bool:
     """Return that motions in every direction cost nothing beyond their own cost."""
     return False
 
 
 @variant_of(base.obeys_triangle, Straight)
-@njit(cache=True)
+@callee
 def shortest_anyway(kind: Any) -> bool:
     """Return True: a straight motion is the shortest."""
     return True

@@ -12,8 +12,8 @@ from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn
+from trailmark.jit import callee
 from trailmark.motion import base
 from trailmark.motion.base import Scratch
 from trailmark.motion.straight import (
@@ -26,6 +26,7 @@ from trailmark.motion.straight import (
     sweep_radius,
 )
 from trailmark.se2 import FloatArray
+from trailmark.variants import variant_of
 
 __all__ = ["Translation", "TranslationMotion"]
 
@@ -105,13 +106,13 @@ variant_of(base.obeys_triangle, Translation)(shortest_anyway)
 
 
 @variant_of(base.cost, Translation)
-@njit(cache=True)
+@callee
 def _cost(kind: Translation, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])
 
 
 @variant_of(base.interpolate, Translation)
-@njit(cache=True)
+@callee
 def _interpolate(
     kind: Translation, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray
 ) -> None:
@@ -121,6 +122,6 @@ def _interpolate(
 
 
 @variant_of(base.least_cost, Translation)
-@njit(cache=True)
+@callee
 def _least_cost(kind: Translation, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])

@@ -12,10 +12,10 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, UNDECIDED
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import by_type, njit, variant_of
 from trailmark.curves.shortest import shortest_word
 from trailmark.curves.words import unit_length, walk
 from trailmark.heading import turn
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch, extra
 from trailmark.motion.curve import Curve
@@ -26,6 +26,7 @@ from trailmark.motion.straight import Straight
 from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.variants import by_type, variant_of
 
 __all__ = ["Weighted", "WeightedMotion"]
 
@@ -140,7 +141,7 @@ def weighted_cost(
 
 
 @variant_of(weighted_cost, Straight)
-@njit(cache=True)
+@callee
 def _straight_cost(
     motion: Any, kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, tolerance: float
 ) -> tuple[float, float]:
@@ -149,7 +150,7 @@ def _straight_cost(
 
 
 @variant_of(weighted_cost, Differential)
-@njit(cache=True)
+@callee
 def _differential_cost(
     motion: Any, kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, tolerance: float
 ) -> tuple[float, float]:
@@ -159,7 +160,7 @@ def _differential_cost(
 
 
 @variant_of(weighted_cost, Curve)
-@njit(cache=True)
+@array_callee
 def _curve_cost(
     motion: Any, kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, tolerance: float
 ) -> tuple[float, float]:
@@ -197,12 +198,12 @@ def _curve_cost(
 
 
 @variant_of(base.cost, Weighted)
-@njit(cache=True)
+@callee
 def _cost(kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return float(weighted_cost(kind.motion, kind, scratch, a, b, inf)[0])
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def path_cost(kind: Weighted, states: FloatArray, tolerance: float) -> tuple[float, float]:
     """Return the cost of a path's states, shape (n, 3), and a bound on its error."""
     scratch, cost, error = new_scratch_of(kind), 0.0, 0.0
@@ -213,14 +214,14 @@ def path_cost(kind: Weighted, states: FloatArray, tolerance: float) -> tuple[flo
 
 
 @variant_of(base.new_scratch, Weighted)
-@njit(cache=True)
+@array_callee
 def new_scratch_of(kind: Weighted) -> Scratch:
     """Return memory for the motions that are weighted."""
     return base.new_scratch(kind.motion)
 
 
 @variant_of(base.certified, Weighted)
-@njit(cache=True)
+@callee
 def _certified(kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     return allowed(kind.motion, kind.one_way, scratch, a, b) and base.certified(kind.motion, scratch, a, b, budget)
 
@@ -233,32 +234,32 @@ def allowed(motion: Any, zones: OneWays, scratch: Scratch, a: FloatArray, b: Flo
 
 @variant_of(allowed, Straight)
 @variant_of(allowed, Differential)
-@njit(cache=True)
+@callee
 def _straight_allowed(motion: Any, zones: OneWays, scratch: Scratch, a: FloatArray, b: FloatArray) -> bool:
     return straight_allowed(zones, a, b)
 
 
 @variant_of(allowed, Curve)
-@njit(cache=True)
+@array_callee
 def _curve_allowed(motion: Curve, zones: OneWays, scratch: Scratch, a: FloatArray, b: FloatArray) -> bool:
     word = shortest_word(a, b, motion.radius, motion.reverse, scratch.words)
     return curve_allowed(zones, a, word, motion.radius)
 
 
 @variant_of(base.charged, Weighted)
-@njit(cache=True)
+@njit(numbers=True)
 def _charged(kind: Weighted) -> bool:
     return base.charged(kind.motion)
 
 
 @variant_of(base.extra, Weighted)
-@njit(cache=True)
+@callee
 def _extra(kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, gear: float) -> tuple[float, float]:
     return extra(kind.motion, scratch, a, b, gear)
 
 
 @variant_of(base.interpolate, Weighted)
-@njit(cache=True)
+@callee
 def _interpolate(kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     """Take the cost as evenly spread along the motion: what is made of the place is charged anew."""
     whole = weighted_cost(kind.motion, kind, scratch, a, b, inf)[0]
@@ -267,18 +268,18 @@ def _interpolate(kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray,
 
 
 @variant_of(base.embedding_radius, Weighted)
-@njit(cache=True)
+@njit
 def _embedding_radius(kind: Weighted) -> float:
     return base.embedding_radius(kind.motion)
 
 
 @variant_of(base.least_cost, Weighted)
-@njit(cache=True)
+@callee
 def _least_cost(kind: Weighted, a: FloatArray, b: FloatArray) -> float:
     return kind.density.least * hypot(b[0] - a[0], b[1] - a[1])
 
 
 @variant_of(base.obeys_triangle, Weighted)
-@njit(cache=True)
+@callee
 def _obeys_triangle(kind: Weighted) -> bool:
     return False

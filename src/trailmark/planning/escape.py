@@ -10,14 +10,16 @@ takes the shortest.
 
 Where no such motion leads out of keep-out zones, several in a row are sought, the shortest first (A*). What leads out
 of zones is not sampled: an audit (:mod:`trailmark.verify`) certifies that none is entered deeper, or again, and the
-motions are certified against all else.
+motions are certified against all else. From where the robot is out, the query is planned as any other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from heapq import heappop, heappush
 from math import pi
+from typing import Any
 
 import numpy as np
 import shapely
@@ -26,73 +28,62 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.curves.words import drive
-from trailmark.keep_out import keep_outs
 from trailmark.motion import Motion
 from trailmark.penetration import Penetration, outside_of
+from trailmark.planning.model import WorldModel
+from trailmark.planning.query import Budget, Incumbent, OnProgress, vertices_of
+from trailmark.planning.result import PlanProgress, PlanResult
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon
 from trailmark.verify import PathAuditor
-from trailmark.verify.depths import RISE
-from trailmark.world import Robot, World
+from trailmark.verify.auditor import RISE
+from trailmark.world import World, keep_outs
 from trailmark.zones import KeepOutZone
 
-__all__ = ["way_out", "ways_out_of_zones"]
+__all__ = ["plan_out_of_zones", "way_out", "ways_out_of_zones"]
 
 BEYOND = (1e-6, 1e-5, 1e-4, 1e-3)
 """Metres from all that blocks, tried in turn: rounding may leave the nearest free place itself in contact."""
 
-ARC_STEP, LONGEST_ARC = 0.02, 1.0
-"""Steps of a car's arcs, and how long they are at most, in turning radii."""
+ARC_STEP, LONGEST_ARC, LONGEST_DRIVE = 0.02, 1.0, 2.0
+"""Steps of a car's arcs, and how long they are at most, in turning radii; circumradii that a straight drive out of an
+obstacle is long at most."""
 
-DRIVE_STEP, LONGEST_DRIVE = 0.02, 2.0
-"""Likewise a differential drive's straight drives, in circumradii."""
-
-LONGEST_TURN = 3.1
-"""Radians that it turns in place at most, in as many steps: less than half a turn, which would have no direction."""
+TURN_STEPS, LONGEST_TURN = 60, 3.1
+"""Steps of a turn in place, and radians: less than half a turn, which would have no direction."""
 
 DEEPER = 1e-6
 """Metres by which rounding may let the depth rise along a drive."""
 
 FINE, GROWTH, COARSE, PLACES = 0.02, 1.1, 0.25, 400
-"""Circumradii of the first step along a motion out of zones, how much longer each next one is, the longest, and how
-many there are at most."""
+"""Circumradii of the first step along a straight motion, how much longer each next one is, the longest out of zones,
+and how many there are at most."""
 
-FEW = 8
-"""States along a motion whose depths are computed at first."""
+FEW, EDGES = 8, 8
+"""States along a motion whose depths are computed at first; edges of zones, along and across which motions lead."""
 
-TURN_STEPS = 60
-"""Of a turn in place by LONGEST_TURN."""
-
-EAGER = 1.5
-"""Times the depth, several motions in a row are expected to take: a single one that leads out comes before them."""
-
-EXPANDED = 300
-"""Places that motions out of zones are sought from, at most."""
-
-EDGES = 8
-"""Of the zones' edges, along and across which straight motions lead."""
+EAGER, EXPANDED = 1.5, 300
+"""Times the depth that several motions in a row are expected to take: a single one that leads out comes before them;
+and places that motions out of zones are sought from, at most."""
 
 SAME = 0.1
 """Circumradii, and radians, within which two places are one."""
+
+WAYS, WAYS_SHARE, TRY_SHARE, REST_SHARE = 5, 0.5, 0.2, 0.8
+"""Ways out that are tried, for beside a zone there may be no room to go on. Of the time, for the first of them; of what
+is left then, to find any path from where it ends, and for the best one from there, before a bound is proven."""
 
 Blocks = tuple[FloatArray, list[Penetration]]
 """Boxes around all that blocks, but for the bounds, shape (n, 4), and how deep the robot is in each."""
 
 
 def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
-    """Return the states, shape (n, 3), from an invalid configuration to a valid one; None if none was found.
-
-    Args:
-        checker: for the world and the robot.
-        q: not valid, shape (3,).
-    """
-    if checker.robot.turning_radius is not None:
-        return _drive_out(checker, q, _arcs(checker.robot, q))
-    if checker.robot.drive == "differential" and not checker.footprint.is_disc:
-        # All of a drive lies on the line from its end to its beginning, all of a turn in between.
-        rows = _drive_out(checker, q, _drives_and_turns(checker.robot, q))
-        return None if rows is None else rows[[0, -1]]
-    return _shift_out(checker, q, checker)
+    """Return the states, shape (n, 3), from an invalid configuration to a valid one; None if none was found."""
+    if _moves_sideways(checker):
+        return _shift_out(checker, q, checker)
+    rows = _drive_out(checker, q)
+    # All of a drive lies on the line from its end to its beginning, all of a turn in between.
+    return rows if rows is None or checker.robot.turning_radius is not None else rows[[0, -1]]
 
 
 def ways_out_of_zones(
@@ -113,8 +104,7 @@ def ways_out_of_zones(
     boxes = np.array([region.bounding_box() for region in regions])
     low = np.maximum(np.minimum(boxes[:, :2].min(axis=0), q[:2]) - reach, world.bounds[:2])
     high = np.minimum(np.maximum(boxes[:, 2:].max(axis=0), q[:2]) + reach, world.bounds[2:])
-    alone = World("", (*low.tolist(), *high.tolist()), zones=tuple(KeepOutZone(region) for region in regions))
-    zones = checker.edited(alone)
+    zones = checker.edited(World("", (*low.tolist(), *high.tolist()), zones=tuple(KeepOutZone(r) for r in regions)))
     auditor = PathAuditor(zones, rise=RISE)
     # What keeps a clearance is in a zone as soon as it is too near.
     depths = [Penetration(robot.footprint, region, robot.clearance) for region in regions]
@@ -129,30 +119,24 @@ def ways_out_of_zones(
 
     # As far as the depth is, it is to go at least: what is not out yet waits for what is.
     heap = [(float(depth(q[None]).max()), 0, 0.0, q[None], False)]
-    if robot.turning_radius is None and (robot.drive != "differential" or checker.footprint.is_disc):
-        straight = _shift_out(zones, q, checker)
-        if straight is not None:
-            length = float(np.hypot(*(straight[1] - q)[:2]))
-            # Nothing is shorter.
-            heap = [(length, -1, length, straight, True), (length, 0, 0.0, q[None], False)]
+    if _moves_sideways(checker) and (straight := _shift_out(zones, q, checker)) is not None:
+        length = float(np.hypot(*(straight[1] - q)[:2]))
+        # Nothing is shorter.
+        heap = [(length, -1, length, straight, True), (length, 0, 0.0, q[None], False)]
     seen, count, expanded = set[tuple[int, ...]](), 1, 0
     while heap and seconds_left() > 0.0:
         _, _, cost, rows, out = heappop(heap)
         here = rows[-1]
         key = tuple(np.round(here / (SAME * np.array([robot.circumradius, robot.circumradius, 1.0]))).astype(int))
-        if key in seen:
-            continue
-        if out:
-            if certified(rows):
-                seen.add(key)
-                yield rows
-            continue
-        if expanded == EXPANDED:
+        if key in seen or (out and not certified(rows)) or (not out and expanded == EXPANDED):
             continue
         seen.add(key)
+        if out:
+            yield rows
+            continue
         expanded += 1
         at = depth(here[None])
-        for states, costs in _motions_out(checker, regions, here, longest):
+        for states, costs in _motions(checker, here, longest, regions):
             last = _first(~others.checker.states_free(states))
             found = at
             # A few at first: most motions lead deeper soon.
@@ -167,14 +151,12 @@ def ways_out_of_zones(
             if len(depths) > 1:
                 # A place just out of one of several zones is one to turn off at.
                 stops |= {_first(row == 0.0) for row in found[:, 1:]}
-            for k in stops:
-                if k < last:
-                    count += 1
-                    arc = robot.turning_radius is not None and states[k, 2] != here[2]
-                    way = states[: k + 1] if arc else states[k : k + 1]
-                    there = cost + float(costs[k])
-                    to_go = EAGER * float(found[:, k + 1].max())
-                    heappush(heap, (there + to_go, count, there, np.vstack([rows, way]), bool(free[k])))
+            for k in (k for k in stops if k < last):
+                count += 1
+                arc = robot.turning_radius is not None and states[k, 2] != here[2]
+                way = states[: k + 1] if arc else states[k : k + 1]
+                there, to_go = cost + float(costs[k]), EAGER * float(found[:, k + 1].max())
+                heappush(heap, (there + to_go, count, there, np.vstack([rows, way]), bool(free[k])))
 
 
 def _first(flags: ArrayLike) -> int:
@@ -183,40 +165,60 @@ def _first(flags: ArrayLike) -> int:
     return int(np.argmax(rows)) if rows.any() else len(rows)
 
 
-def _motions_out(
-    checker: StateChecker, regions: list[Polygon], q: FloatArray, longest: float
+def _moves_sideways(checker: StateChecker) -> bool:
+    robot = checker.robot
+    return robot.turning_radius is None and (robot.drive != "differential" or checker.footprint.is_disc)
+
+
+def _motions(
+    checker: StateChecker, q: FloatArray, longest: float, regions: list[Polygon] | None = None
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield the states along motions from a configuration on, shape (n, 3), and their costs, shape (n,).
 
-    Args:
-        checker: for the robot.
-        regions: of the zones to leave; who moves anywhere also tries along their edges, and across.
-        q: shape (3,).
-        longest: metres that it may be to the end of a zone.
+    They are straight motions of ``longest`` metres at most, for who moves sideways along the edges of regions to leave,
+    and across; a car's arcs; and turns in place. Steps are even but where there are regions.
     """
-    robot = checker.robot
-    steps = robot.circumradius * np.minimum(FINE * GROWTH ** np.arange(PLACES), COARSE)
-    lengths: FloatArray = np.cumsum(steps, dtype=np.float64)
+    robot, turning, sideways = checker.robot, checker.robot.turning_radius, _moves_sideways(checker)
+    steps = np.minimum(FINE * GROWTH ** np.arange(PLACES), FINE if regions is None else COARSE)
+    lengths: FloatArray = np.cumsum(robot.circumradius * steps, dtype=np.float64)
     lengths = lengths[: 1 + np.searchsorted(lengths, longest)]
-    if robot.turning_radius is not None:
-        for states in _arcs(robot, q, (1.0, -1.0)):
-            states[:, 2] = se2.wrap(states[:, 2])
-            yield states, ARC_STEP * robot.turning_radius * np.arange(1.0, len(states) + 1.0)
-    if robot.turning_radius is not None or (robot.drive == "differential" and not checker.footprint.is_disc):
-        angles = q[2] + np.array([0.0, pi] if robot.reverse else [0.0])
-    else:
-        edges = [np.diff(ring[np.r_[: len(ring), 0]], axis=0) for region in regions for ring in region.rings()]
+    ways = (1.0, -1.0) if robot.reverse else (1.0,)
+    if turning is not None:
+        arcs: FloatArray = np.arange(1.0, round(LONGEST_ARC / ARC_STEP) + 1.0) * ARC_STEP * turning
+        for way, side in ((way, side) for way in ways for side in (1.0, -1.0)):
+            yield _wrapped(np.array([drive(q[0], q[1], q[2], side, way * s, turning) for s in arcs])), arcs
+    angles = q[2] + np.array([0.0, pi][: len(ways)])
+    if sideways:
+        edges = [np.diff(r[np.r_[: len(r), 0]], axis=0) for region in regions or () for r in region.rings()]
         along = np.arctan2(*np.concatenate(edges).T[::-1])
         angles = np.concatenate([along[:EDGES], np.arange(4) * 0.25 * pi])
         angles = np.unique(np.round(se2.wrap(angles[:, None] + 0.5 * pi * np.arange(4)), 9))
     for angle in angles:
         yield q + lengths[:, None] * np.array([np.cos(angle), np.sin(angle), 0.0]), lengths
-    if robot.drive == "differential" and not checker.footprint.is_disc:
+    if turning is None and not sideways:
         turns = np.linspace(LONGEST_TURN / TURN_STEPS, LONGEST_TURN, TURN_STEPS)
         for side in (1.0, -1.0):
-            states = q + side * turns[:, None] * np.array([0.0, 0.0, 1.0])
-            states[:, 2] = se2.wrap(states[:, 2])
-            yield states, se2.ROTATION_WEIGHT * turns
+            yield _wrapped(q + side * turns[:, None] * np.array([0.0, 0.0, 1.0])), se2.ROTATION_WEIGHT * turns
+
+
+def _wrapped(states: FloatArray) -> FloatArray:
+    states[:, 2] = se2.wrap(states[:, 2])
+    return states
+
+
+def _drive_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
+    """Return the drive with the fewest steps out along which the depth never rises, shape (n, 3); None without one."""
+    longest = max(LONGEST_DRIVE * checker.robot.circumradius, LONGEST_ARC * (checker.robot.turning_radius or 0.0))
+    motions = [states for states, _ in _motions(checker, q, longest)]
+    first = [_first(checker.valid(states)) for states in motions]
+    blocks = _blocks(checker)
+    for k in np.argsort(first, kind="stable"):
+        if first[k] < len(motions[k]):
+            rows = np.vstack([q, motions[k][: first[k] + 1]])
+            depths = np.array([_depth(checker, blocks, state) for state in rows])
+            if (np.diff(depths) <= DEEPER).all():
+                return rows
+    return None
 
 
 def _shift_out(checker: StateChecker, q: FloatArray, all_: StateChecker) -> FloatArray | None:
@@ -272,51 +274,98 @@ def _blocks(checker: StateChecker) -> Blocks:
     return boxes, [Penetration(robot.footprint, shape, robot.clearance) for shape in shapes]
 
 
-def _arcs(robot: Robot, q: FloatArray, sides: tuple[float, ...] = (0.0, 1.0, -1.0)) -> FloatArray:
-    """Return the states along each of a car's arcs from a configuration on, shape (k, n, 3)."""
-    radius = robot.turning_radius or 0.0
-    lengths = np.arange(1, round(LONGEST_ARC / ARC_STEP) + 1) * ARC_STEP * radius
-    arcs = [(side, way) for way in _ways(robot) for side in sides]
-    return np.array([[drive(q[0], q[1], q[2], side, way * s, radius) for s in lengths] for side, way in arcs])
-
-
-def _drives_and_turns(robot: Robot, q: FloatArray) -> FloatArray:
-    """Return the states along a differential drive's straight drives and turns in place, shape (k, n, 3)."""
-    lengths = np.arange(1, round(LONGEST_DRIVE / DRIVE_STEP) + 1) * DRIVE_STEP * robot.circumradius
-    angles = LONGEST_TURN * np.arange(1, len(lengths) + 1) / len(lengths)
-    ahead = np.array([np.cos(q[2]), np.sin(q[2]), 0.0])
-    drives = [q + way * lengths[:, None] * ahead for way in _ways(robot)]
-    return np.array([*drives, *(q + way * angles[:, None] * (0.0, 0.0, 1.0) for way in (1.0, -1.0))])
-
-
-def _ways(robot: Robot) -> tuple[float, ...]:
-    return (1.0, -1.0) if robot.reverse else (1.0,)
-
-
-def _drive_out(checker: StateChecker, q: FloatArray, states: FloatArray) -> FloatArray | None:
-    """Return the shortest drive that leads out and along which the depth never rises, shape (n, 3).
-
-    Args:
-        checker: for the world and the robot.
-        q: where all begin, shape (3,).
-        states: along each of the drives, shape (k, n, 3).
-    """
-    valid = np.array([checker.valid(rows) for rows in states])
-    first = np.where(valid.any(axis=1), valid.argmax(axis=1), states.shape[1])
-    blocks = _blocks(checker)
-    for k in np.argsort(first, kind="stable"):
-        if first[k] == states.shape[1]:
-            return None
-        rows = np.vstack([q, states[k, : first[k] + 1]])
-        depths = np.array([_depth(checker, blocks, state) for state in rows])
-        if (np.diff(depths) <= DEEPER).all():
-            rows[1:, 2] = se2.wrap(rows[1:, 2])
-            return rows
-    return None
-
-
 def _depth(checker: StateChecker, blocks: Blocks, q: FloatArray) -> float:
     """Return the penetration depth at a configuration, metres; infinite if no way out is near."""
     reach = 4.0 * checker.robot.circumradius
     shift = _shortest(_free_shifts(checker, blocks, q, reach), reach)
     return np.inf if shift is None else float(np.hypot(*shift))
+
+
+def plan_out_of_zones(
+    model: WorldModel,
+    zones: tuple[str, ...],
+    start: ArrayLike,
+    goal: Any,
+    budget: Budget,
+    plan: Callable[..., PlanResult],
+    on_progress: OnProgress | None = None,
+    rest: Callable[[FloatArray, Budget], PlanResult] | None = None,
+) -> tuple[PlanResult, int]:
+    """Return the answer to a query that starts in keep-out zones, and how many motions of its path lead out of them.
+
+    Lower bounds, and proofs that there is no path, are those of the world without these zones, in which a path that is
+    allowed is one too. Whoever calls holds the lock of the model's roadmap.
+
+    Args:
+        model: of the world.
+        zones: the names of those that the start lies in (:func:`trailmark.planning.model.zones_at`).
+        start: configuration, shape (3,).
+        goal: what ``plan`` takes for one; in no keep-out zone, if it is one configuration.
+        budget: what the query may take.
+        plan: answers a query that starts in no zone: a model, start, goal, budget and ``on_progress``.
+        on_progress: called after every step; with no path, which may come back into a zone.
+        rest: answers the query from where the robot is out; by ``plan`` if None, and a lower bound is proven then.
+
+    Raises:
+        ConfigurationError: the start is not valid, these zones left aside.
+    """
+    without = model.without(zones)
+    state = without.checker.require_valid(start, "start")
+    watched = None if on_progress is None else _without_paths(on_progress)
+
+    def resume(q: FloatArray, share: float, gap: float | None = None) -> PlanResult:
+        part = budget.part(share * budget.seconds_left(), gap)
+        return plan(model, q, goal, part, on_progress=watched) if rest is None else rest(q, part)
+
+    last, out, ways = None, state[None], list[FloatArray]()
+    later = (1.0 - WAYS_SHARE) * budget.limit
+    for out in ways_out_of_zones(
+        model.motion, without.motion, zones, state, lambda: budget.seconds_left() - (0.0 if ways else later)
+    ):
+        ways.append(out)
+        last = resume(out[-1], TRY_SHARE, np.inf)
+        if last.path is not None or len(ways) == WAYS or budget.is_up():
+            break
+    if last is not None and (last.path is None or rest is None):
+        out = out if last.path is not None else ways[0]
+        better = resume(out[-1], REST_SHARE)
+        last = better if better.path is not None else last
+    path = None
+    if last is not None and last.path is not None:
+        ends = np.array([state, last.path.states[-1]])
+        incumbent = Incumbent(without.motion, ends[0], ends[1], budget.begin)
+        incumbent.offer(np.vstack([out, vertices_of(model.motion, last.path)[1:]]))
+        path = incumbent.path()
+        if path is not None and not without.verification.certified(path, ends):
+            path = None
+    if path is None or rest is None:
+        proven = plan(without, state, goal, budget.part(budget.seconds_left()), on_progress=watched)
+    if path is None or last is None:
+        nothing = replace(proven, path=None, first_cost=None, min_clearance=None, history=(), goal=None)
+        if proven.status == "infeasible":
+            return nothing, 0
+        named = ", ".join(zones)
+        reason = f"no certified way out of {named} was found"
+        if ways:
+            reason = f"no path was found from where the certified ways out of {named} end"
+        return replace(nothing, status="timeout", reason=reason), 0
+    answer = without.verification.result(incumbent, "solved", path, model.shared.roadmap, last.time["build"] or 0.0)
+    # In a zone there is no clearance.
+    answer = replace(
+        answer,
+        path=model.verification.followed_by_lines(answer.path or path, leaves=True),
+        goal=last.goal,
+        lower_bound=incumbent.lower_bound if rest is not None else proven.lower_bound,
+        world=model.checker.world,
+        min_clearance=0.0,
+    )
+    return answer, len(model.motion.path(out)) - 1
+
+
+def _without_paths(on_progress: OnProgress) -> OnProgress:
+    """Return a callback that hands on how far planning is, but no path."""
+
+    def hand_on(progress: PlanProgress) -> None:
+        on_progress(replace(progress, path=None, cost=None, nearest=None))
+
+    return hand_on

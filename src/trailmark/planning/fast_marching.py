@@ -12,14 +12,14 @@ from math import sqrt
 
 import numpy as np
 
-from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["march", "on_diagonal"]
 
 
-@njit(cache=True)
+@njit
 def march(density: FloatArray, size: float, row: int, column: int) -> FloatArray:
     """Return the costs from a square's corners to the vertices of all squares, shape (rows + 1, columns + 1).
 
@@ -56,7 +56,7 @@ def march(density: FloatArray, size: float, row: int, column: int) -> FloatArray
     return value
 
 
-@njit(cache=True)
+@callee
 def _value_at(value: FloatArray, density: FloatArray, size: float, i: int, j: int) -> float:
     """Return the value at a vertex by what is known of the other vertices of its triangles."""
     found = np.inf
@@ -75,13 +75,13 @@ def _value_at(value: FloatArray, density: FloatArray, size: float, i: int, j: in
     return found
 
 
-@njit(cache=True)
+@callee
 def on_diagonal(row: int, column: int, a: int, b: int) -> bool:
     """Return whether a square's corner lies on the diagonal that cuts it in two; neighbours have mirrored ones."""
     return ((row + column) & 1 == 0) == (a == b)
 
 
-@njit(cache=True)
+@callee
 def _right(a: float, b: float, step: float) -> float:
     """Return the value at the right angle's vertex by those at the legs' ends: (u − a)² + (u − b)² = step²."""
     gap = abs(a - b)
@@ -91,7 +91,7 @@ def _right(a: float, b: float, step: float) -> float:
     return 0.5 * (a + b + sqrt(2.0 * step * step - gap * gap))
 
 
-@njit(cache=True)
+@callee
 def _acute(right: float, other: float, step: float) -> float:
     """Return the value at a leg's end by the right angle's and the other leg's end: (u − r)² + (o − r)² = step²."""
     gap = right - other

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Sized
-from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -20,18 +19,15 @@ from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.objective import Objective
 from trailmark.path import Path
-from trailmark.planning.batch import answer_queries, ends_of
-from trailmark.planning.models import WorldModels
-from trailmark.planning.proofs import AnyBound
-from trailmark.planning.query import OnProgress
-from trailmark.planning.relaxed_clearance import answer_in_turn
-from trailmark.planning.replan_query import ReplanOptions, replan_to
-from trailmark.planning.result import PlanResult, ReplanResult
+from trailmark.planning.batch import plan_batch
+from trailmark.planning.dispatch import plan_explained, replan
+from trailmark.planning.model import WorldModel, WorldModels
+from trailmark.planning.proofs import LowerBound
+from trailmark.planning.query import GAP, Budget, OnProgress
+from trailmark.planning.replanning import ReplanOptions
+from trailmark.planning.result import PlanResult, ReplanResult, Update
 from trailmark.planning.settings import PlannerSettings
-from trailmark.planning.single_query import GAP
-from trailmark.planning.updating import Update
 from trailmark.planning.warmup import Use, warm_up_for
-from trailmark.planning.world_model import WorldModel
 from trailmark.roadmap import Roadmap
 from trailmark.world import Robot, World
 
@@ -47,21 +43,17 @@ MAX_WORKERS = 1024
 class LandmarkPlanner:
     """Plans paths for one robot in one world, over a roadmap that grows with its queries.
 
-    What the roadmap does not answer is first sought over a lattice of configurations
-    (:class:`trailmark.planning.lattice.search.Lattice`), guided by costs to go that shun tight places, from both ends
-    and on ever finer lattices; that mostly gives a first path.
-
-    The rest goes in rounds. The relaxed problem (the robot's inscribed disc on a grid) says where short paths are
-    likely; valid configurations drawn there are clustered by K-means; the centres, repaired to valid configurations,
-    join the roadmap as landmarks; a lazy search finds the shortest path of certified motions. While there is none, each
-    round draws from a wider band and places more landmarks, in the end over all that the robot might reach: a path that
-    exists with some room is found with probability one as time goes on. Then it is shortened, and each round looks for
-    another way around and places more landmarks, until the path settles or the time is up. A disc's shortest path is
-    computed instead (:mod:`trailmark.planning.disc_path`), if time allows.
+    A query goes through the stages of :mod:`trailmark.planning.pipeline`: what the roadmap does not answer is sought
+    over lattices of configurations (not for cars), then in rounds of landmarks: the relaxed problem (the robot's
+    inscribed disc on a grid) says where short paths are likely; valid configurations drawn there are clustered by
+    K-means; the centres, repaired to valid configurations, join the roadmap; a lazy search finds the shortest path of
+    certified motions. While there is none, each round draws from a wider band, in the end over all that the robot might
+    reach: a path that exists with some room is found with probability one as time goes on. Then it is shortened, and
+    further rounds look for other ways around, until the path settles or the time is up. A disc's shortest path is
+    computed.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
-    reverse, a path is a :class:`trailmark.curves.CurvePath`. It goes without lattices: in tight places short drives
-    lead on (:mod:`trailmark.planning.hybrid_astar`).
+    reverse, a path is a :class:`trailmark.curves.CurvePath`, and in tight places short drives lead on.
 
     A planner can be pickled and copied: the copy knows what the planner knows, and goes on in the same way.
 
@@ -71,7 +63,7 @@ class LandmarkPlanner:
         seed: the same seed gives the same paths, as long as no time limit cuts in; None draws one.
         landmarks: spread over all free space before the first query; by default none, every query places its own.
         clearance: metres that no configuration along a path comes nearer to anything than; the robot's own if None.
-        relax: :meth:`plan` keeps as much of that as there is (:mod:`trailmark.planning.relaxed_clearance`).
+        relax: :meth:`plan` keeps as much of that as there is (:attr:`trailmark.PlanResult.clearance`).
         checker: one that is there already for this world and robot; without ``robot``, its robot counts.
         settings: numbers that a person may change; by default those that the benchmarks were run with.
         objective: what paths cost (:meth:`trailmark.Objective.of`); by default their length and a car's maneuvers.
@@ -156,7 +148,7 @@ class LandmarkPlanner:
         return self._model.shared.roadmap
 
     @property
-    def bound(self) -> AnyBound:
+    def bound(self) -> LowerBound:
         """Proves lower bounds; what it computes is kept from query to query."""
         return self._model.bound
 
@@ -205,17 +197,18 @@ class LandmarkPlanner:
                 the seed alone.
             on_progress: called after every step and with every better path.
             stop: asked between steps whether to end early, as if the time were up.
-            gap: end as soon as the path is proven to cost no more than (1 + gap) times the optimum.
+            gap: end as soon as the path is proven to cost no more than (1 + gap) times the optimum; infinite: with the
+                first path.
 
         Raises:
             ConfigurationError: start or goal is not valid, the time limit is not above 0, or the gap is negative.
         """
         gap = number(gap, "gap:", minimum=0.0, infinite=True)
-        time_limit, max_iterations = _limits(time_limit, max_iterations)
+        seconds, rounds = _limits(time_limit, max_iterations)
         callback(on_progress, "on_progress:")
         callback(stop, "stop:")
-        options = {"max_rounds": max_iterations, "on_progress": on_progress, "stop": stop, "gap": gap}
-        return answer_in_turn(self._model, start, goal, time_limit, relax=self._relax, **options)
+        budget = Budget(seconds, stop=stop, rounds=rounds, gap=gap)
+        return plan_explained(self._model, start, goal, budget, relax=self._relax, on_progress=on_progress)
 
     @as_raised
     def update(self, changes: Changes | World) -> Update:
@@ -282,7 +275,7 @@ class LandmarkPlanner:
             escape=truth(escape, "escape:"),
             speed=None if speed is None else number(speed, "speed:", above=0.0, unit="m/s"),
         )
-        return replan_to(self._models, start, goal, path, options)
+        return replan(self._models, start, goal, path, options)
 
     @as_raised
     def plan_many(
@@ -330,16 +323,14 @@ class LandmarkPlanner:
         if all(isinstance(q, Sized) and len(q) == 0 for q in (starts, goals)):
             return []
         self._warm_up("many")
-        begin, model = perf_counter(), self._model
-        return answer_queries(
-            model,
-            *ends_of(model, starts, goals),
-            begin,
+        return plan_batch(
+            self._model,
+            starts,
+            goals,
             time_limit,
-            plan=partial(answer_in_turn, model, max_rounds=max_iterations, stop=stop),
+            rounds=max_iterations,
             workers=workers,
             bounds=bounds,
-            seed=self.seed,
             on_progress=on_progress,
             stop=stop,
         )

@@ -5,58 +5,53 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.landmarks.band import Band
+from trailmark.curves import CurvePath
+from trailmark.motion import Motion
 from trailmark.path import Path
-from trailmark.planning.followed import Passed, Rest, rest_of, vertices_of
-from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.schedule import LatticeSchedule
-from trailmark.planning.placement import Placement
-from trailmark.planning.query import Clock, Query
+from trailmark.planning.model import Passed, WorldModel
+from trailmark.planning.pipeline import WORTH_SHORTENING, known_path, plan_single
+from trailmark.planning.query import Budget, Incumbent, vertices_of
 from trailmark.planning.reasons import explained
 from trailmark.planning.result import PlanResult, ReplanResult
-from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.shortening import shorten
-from trailmark.planning.single_query import answer_query
-from trailmark.planning.world_model import WorldModel
-from trailmark.roadmap import Roadmap
+from trailmark.roadmap.revalidation import edges_near
 from trailmark.roadmap.search import without_repetitions
 from trailmark.se2 import FloatArray
 
-__all__ = ["MIN_SECONDS", "ReplanOptions", "Replanner", "as_replan"]
+__all__ = ["MIN_SECONDS", "ReplanOptions", "Replanner", "Rest", "as_replan", "located", "rest_of"]
 
 LEVELS, NEAR_LEVELS = 3, 2
 """Lattices that a path is sought on before the whole query is planned anew, and for a way around close by."""
 
-PLACES = 32
-"""Places along a motion that is blocked at which it is looked where."""
+PLACES, CAR_PLACES = 32, 256
+"""Places along a motion that is blocked at which it is looked where; and along a car's path, to find where it is."""
 
-BACK_OFF = 2.0
-"""Circumradii from where a motion is blocked to where a way around may begin."""
+BACK_OFF, NEAR = 2.0, 1.0
+"""Circumradii from where a motion is blocked to where a way around may begin; and times the distance from there to
+where it ends that it may lead off to the sides."""
 
 GUIDE_CELLS, OVER = 1 << 14, 1.09
 """Cells of the inscribed disc's grid that tells whether a better path may lead through freed space, and the times by
 which a way along its eight directions is longer than a straight one, at most."""
 
-NEAR = 1.0
-"""Times the distance from where a way around begins to where it ends that it may lead off to the sides."""
-
-SWEEPS = 40
-"""Of shortening at most: mostly the time for it ends it."""
+SWEEPS, SHORTENING = 40, 0.001
+"""Of shortening at most; mostly its time ends it, the seconds that a robot is kept waiting for it."""
 
 SLIGHTLY = 1.01
 """Times as much a path may cost by being led around what came before paths that lead elsewhere are looked at."""
 
-FAR_ABOVE = 1.2
-"""Times the length that no path falls below, from which on a closer look at a path is due after obstacles went."""
-
-WIDENINGS, LANDMARKS, LOOK_SECONDS = (0.05, 0.12, 0.3, 0.7), 30, 0.1
-"""Of a closer look: how much longer than the inscribed disc's shortest the ways are that landmarks are placed along,
-one after the other, how many each time, and the seconds that all may take."""
+FAR_ABOVE, LOOK_SECONDS = 1.2, 0.1
+"""Times the length that no path falls below, from which on a car's query is planned anew after obstacles went, and the
+seconds that this may take."""
 
 MIN_SECONDS = 1e-3
 """That planning anew has at least."""
@@ -80,34 +75,100 @@ class ReplanOptions:
     escape: bool
     speed: float | None = None
 
+    def seconds_left(self) -> float:
+        """Return the seconds left to find a path."""
+        return self.deadline - perf_counter()
+
+
+def as_replan(result: PlanResult, reason: str) -> ReplanResult:
+    """Return a result with why the path is not the rest of the one that was given."""
+    if result.path is None:
+        reason += ", and no other was found" if result.status == "timeout" else ", and there is no other"
+        reason += f": {result.reason}" if result.reason else ""
+    values = {field.name: getattr(result, field.name) for field in fields(PlanResult)}
+    return ReplanResult(**values | {"reason": reason})
+
+
+class Rest(NamedTuple):
+    """What is left of a path from where the robot is.
+
+    Attributes:
+        vertices: states that motions join, shape (n, 3); the first is the robot's own.
+        free: which motions are certified in the world as it is, shape (n - 1,).
+        checked: which motions were looked at now, shape (n - 1,).
+        freed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed since the path passed the final check,
+            shape (f, 4).
+        before: the checker of the world that it passed it in; None if that is not known.
+    """
+
+    vertices: FloatArray
+    free: NDArray[np.bool_]
+    checked: NDArray[np.bool_]
+    freed: FloatArray
+    before: StateChecker | None
+
+
+def rest_of(motion: Motion, path: Path, start: FloatArray, passed: Passed | None) -> Rest:
+    """Return what is left of a path, and where it is blocked.
+
+    Motions that passed the final check in a world, and that nothing came near since, are free without being looked at.
+    """
+    vertices, checker = vertices_of(motion, path), motion.checker
+    before, unknown, freed = None, np.ones(len(vertices) - 1, np.bool_), np.array([checker.world.bounds])
+    if passed is not None and np.array_equal(passed.vertices, vertices):
+        before, (freed, added) = passed.checker, passed.changes
+        pairs = np.column_stack([np.arange(len(unknown)), np.arange(1, len(vertices))]).astype(np.int32)
+        lengths = motion.longest(motion.costs(vertices[:-1], vertices[1:]))
+        unknown = edges_near(vertices, pairs, lengths, float(checker.robot.circumradius), added, unknown)
+    here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
+    if len(vertices) > 1:
+        nearest = located(motion, path, vertices, start)
+        # The first motion is another one, unless the robot stands exactly at a state of the path.
+        same = bool(np.array_equal(here, vertices[nearest]))
+        vertices, unknown = np.vstack([here, vertices[nearest + 1 :]]), unknown[nearest:].copy()
+        unknown[0] |= not same
+    else:
+        vertices, unknown = np.vstack([here, vertices]), np.ones(1, np.bool_)
+    # Where the robot stands at the path's next state, or at its end, there is no motion to it.
+    moves = (vertices[1:] != vertices[:-1]).any(axis=1)
+    moves[-1] |= not moves.any()
+    vertices, unknown = vertices[np.append(True, moves)], unknown[moves]
+    free = ~unknown
+    free[unknown] = motion.motions_valid(vertices[:-1][unknown], vertices[1:][unknown])
+    return Rest(vertices, free, unknown, freed, before)
+
+
+def located(motion: Motion, path: Path, vertices: FloatArray, q: FloatArray) -> int:
+    """Return the motion of a path over vertices (n, 3), an index below n - 1, on or nearest to which q, (3,), lies."""
+    if isinstance(path, CurvePath):
+        fractions = np.linspace(0.0, 1.0, CAR_PLACES)
+        nearest = int(np.argmin(se2.distance(path.at(fractions), q)))
+        ends = np.cumsum(path.curves.lengths)
+        return int(np.clip(np.searchsorted(ends, fractions[nearest] * ends[-1], side="right"), 0, len(vertices) - 2))
+    a, b = vertices[:-1], vertices[1:]
+    move = se2.difference(a, b)
+    from_a = se2.difference(a, np.broadcast_to(q, a.shape))
+    if not motion.turns:
+        move[:, 2] = from_a[:, 2] = 0.0
+    weight = np.array([1.0, 1.0, se2.ROTATION_WEIGHT])
+    square = ((move * weight) ** 2).sum(axis=1)
+    share = np.clip(((move * weight) * (from_a * weight)).sum(axis=1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    off = np.abs(from_a - share[:, None] * move) @ weight
+    # The last of those that are as near: a path may pass a place twice, and its vertices belong to two motions.
+    return int(len(off) - 1 - np.argmin(off[::-1] - 1e-9 * np.arange(len(off))[::-1]))
+
 
 class Replanner:
-    """Answers one query for which there is a path already.
-
-    Args:
-        model: of the world as it is.
-        start: where the robot is, shape (3,), valid.
-        goal: shape (3,), valid.
-        options: how to.
-    """
+    """Answers one query for which there is a path already."""
 
     def __init__(self, model: WorldModel, start: FloatArray, goal: FloatArray, options: ReplanOptions) -> None:
         self.model, self.motion, self.start, self.goal = model, model.motion, start, goal
         self.ends = self.motion.ends(start, goal)
         self.options, self.min_gain, self.improvement = options, options.min_gain, options.improvement
-        self.begin = perf_counter()
-
-    def seconds_left(self) -> float:
-        """Return the seconds left to find a path."""
-        return self.options.deadline - perf_counter()
+        self.seconds_left, self.begin = options.seconds_left, perf_counter()
 
     def answer(self, path: Path, *, look: bool = False) -> ReplanResult:
-        """Return the path to follow from here on instead of ``path``, or the rest of it.
-
-        Args:
-            path: being followed.
-            look: for a better path though nothing was freed since this one passed the final check.
-        """
+        """Return the path to follow from here on instead of ``path``, or the rest of it."""
         rest = rest_of(self.motion, path, self.start, None if look else self.model.passed)
         if not np.array_equal(rest.vertices[-1], self.ends[1]):
             return as_replan(self._planned(None), "the path leads to another goal")
@@ -130,10 +191,9 @@ class Replanner:
 
     def _planned(self, known: FloatArray | None) -> PlanResult:
         """Return what planning the whole query gives, beginning with a path if there is one."""
-        seconds = self.seconds_left() if known is None else self.improvement
-        begin, seconds = perf_counter(), max(seconds, MIN_SECONDS)
-        result = answer_query(self.model, self.start, self.goal, seconds, known=known)
-        return explained(self.model, self.start, self.goal, result, begin, seconds)
+        budget = Budget(max(self.seconds_left() if known is None else self.improvement, MIN_SECONDS))
+        result = plan_single(self.model, self.start, self.goal, budget, known=known)
+        return explained(self.model, self.start, self.goal, result, budget)
 
     def kept(self, rest: Rest) -> ReplanResult | None:
         """Return the rest of the path, if what was looked at now passes the final check as well."""
@@ -161,22 +221,15 @@ class Replanner:
         cost = self.motion.whole_cost(self.motion.cost_of(vertices), self.start, self.goal)
         return f"another path costs {result.cost:.4g} m instead of {cost:.4g} m"
 
-    def _limit(self, cost: float) -> float:
-        """Return below which cost (metres) a path takes the place of one of another; a disc's turning is in neither."""
-        turning = self.motion.whole_cost(0.0, self.start, self.goal)
-        return (cost + turning) / (1.0 + self.min_gain) - turning
-
     def _better(self, vertices: FloatArray, rest: Rest) -> FloatArray | None:
-        """Return a path that takes the place of another, shape (n, 3); None if there is none.
+        """Return a path that takes the place of the one over vertices, shape (n, 3); None if there is none.
 
         It is the direct motion, or one that is sought where obstacles went since the path passed the final check.
-
-        Args:
-            vertices: of the other path, shape (n, 3).
-            rest: of the path that is being followed.
         """
         motion, cost = self.motion, self.motion.cost_of(vertices)
-        straight, limit = motion.cost_of(self.ends), self._limit(cost)
+        # A disc's turning is in neither cost.
+        turning = motion.whole_cost(0.0, self.start, self.goal)
+        straight, limit = motion.cost_of(self.ends), (cost + turning) / (1.0 + self.min_gain) - turning
         if straight < limit and motion.motions_between_valid(self.ends[:1], self.ends[1:])[0]:
             return self.ends
         if (straight >= limit and motion.direct_is_best) or not self._may_lead_through(rest.freed, limit):
@@ -186,7 +239,7 @@ class Replanner:
             return None
         for found in self._paths(self.ends):
             # Shortening saves no more than that.
-            if motion.cost_of(found) < self.model.settings.worth_shortening * limit:
+            if motion.cost_of(found) < WORTH_SHORTENING * limit:
                 found = self._shortened(found)
                 if motion.cost_of(found) < limit:
                     return found
@@ -196,40 +249,15 @@ class Replanner:
         before = np.inf if rest.before is None else self._shortest_way(rest.before)
         if (1.0 + self.min_gain) * shortest >= before:
             return None
-        return self._looked_closely(vertices, FAR_ABOVE * shortest)
-
-    def _looked_closely(self, vertices: FloatArray, enough: float) -> FloatArray | None:
-        """Return a path over a few landmarks in place of another, shape (n, 3); None if none is found.
-
-        They lie around the inscribed disc's shortest way, farther and farther to the sides.
-
-        Args:
-            vertices: of the other path, shape (n, 3).
-            enough: length (metres) that is looked no further for.
-        """
-        model, limit = self.model, self._limit(self.motion.cost_of(vertices))
-        clock = Clock(perf_counter(), min(LOOK_SECONDS, self.seconds_left()))
-        roadmap = Roadmap(model.checker, self.motion)
-        query = Query(roadmap, model.relaxation, model.rng, self._incumbent(vertices), clock, model.settings)
-        band = Band(model.checker, model.relaxation, *query.ends)
-        if not np.isfinite(band.shortest):
+        budget, passed = Budget(max(min(LOOK_SECONDS, self.seconds_left()), MIN_SECONDS)), self.model.passed
+        path = plan_single(self.model, self.start, self.goal, budget).path
+        self.model.passed = passed
+        if path is None or motion.cost_of(states := vertices_of(motion, path)) >= limit:
             return None
-        placement, nodes = Placement(query, band), roadmap.add(query.ends)
-        for widening in WIDENINGS:
-            placement.place(roadmap, widening, LANDMARKS)
-            # Whatever it costs at first: shortening saves a car much.
-            placement.search(roadmap, nodes, banned=np.zeros(len(roadmap), np.bool_))
-            if self.motion.longest(query.incumbent.cost) <= enough or clock.seconds_left() <= 0.0:
-                break
-        return query.incumbent.states if query.incumbent.cost < limit else None
+        return states
 
     def _may_lead_through(self, freed: FloatArray, limit: float) -> bool:
-        """Return whether a path that costs less than ``limit`` (metres) may lead through what was freed.
-
-        Args:
-            freed: boxes xmin, ymin, xmax, ymax (metres), shape (f, 4).
-            limit: metres, or what an objective charges.
-        """
+        """Return whether a path that costs less than ``limit`` may lead through freed boxes, shape (f, 4)."""
         limit = float(self.motion.longest(limit))
         gaps = [np.hypot(*np.maximum(np.maximum(freed[:, :2] - q[:2], q[:2] - freed[:, 2:]), 0.0).T) for q in self.ends]
         return bool((gaps[0] + gaps[1] - 2.0 * self.model.checker.robot.circumradius < limit).any())
@@ -246,7 +274,7 @@ class Replanner:
     def _repaired(self, rest: Rest) -> FloatArray | None:
         """Return a path, shape (n, 3), for one that is blocked; None if none was found soon.
 
-        It is led around what blocks it. Another one is sought only if that made it dearer by more than a little.
+        It is led around what blocks it. Another one is sought only if that made it costlier by more than a little.
         """
         motion = self.motion
         around, best = self._led_around(rest), np.inf
@@ -256,7 +284,7 @@ class Replanner:
                 return around
         other = self._first_path(self.ends)
         # Shortening saves no more than that.
-        if len(other) and motion.cost_of(other) < self.model.settings.worth_shortening * best:
+        if len(other) and motion.cost_of(other) < WORTH_SHORTENING * best:
             other = self._shortened(other)
             if motion.cost_of(other) < best:
                 return other
@@ -268,8 +296,8 @@ class Replanner:
         if len(blocked) == 0:
             return None
         first, last = int(blocked[0]), int(blocked[-1])
-        before = place_before(self.model, vertices[first], vertices[first + 1], reverse=False)
-        after = place_before(self.model, vertices[last], vertices[last + 1], reverse=True)
+        before = self._place_before(vertices[first], vertices[first + 1], reverse=False)
+        after = self._place_before(vertices[last], vertices[last + 1], reverse=True)
         if before is None or after is None:
             return None
         around = self._first_path(np.array([before, after]), near=True)
@@ -283,18 +311,35 @@ class Replanner:
         piece = self._shortened(np.vstack([vertices[low:first], piece, vertices[last + 2 : high]]))
         return np.vstack([vertices[:low], piece, vertices[high:]])
 
+    def _place_before(self, a: FloatArray, b: FloatArray, *, reverse: bool) -> FloatArray | None:
+        """Return a configuration on the motion from a to b some way before where it is blocked, or after it.
+
+        None if a is not valid, or b.
+        """
+        motion, checker = self.motion, self.model.checker
+        places = np.array(motion.path(np.array([a, b])).at(np.linspace(0.0, 1.0, PLACES + 1)))
+        places[0], places[-1] = a, b
+        if reverse:
+            places = places[::-1].copy()
+        valid = checker.states_free(places)
+        if not valid[0]:
+            return None
+        blocked = int(np.argmin(valid)) if not valid.all() else PLACES // 2
+        step = float(motion.costs(a, b)[0]) / PLACES
+        k = blocked - 1 - int(np.ceil(BACK_OFF * checker.robot.circumradius / max(step, 1e-9)))
+        if k > 0:
+            ends = (places[k : k + 1], places[:1]) if reverse else (places[:1], places[k : k + 1])
+            if motion.motions_between_valid(*ends)[0]:
+                return np.array(places[k])
+        return np.array(places[0])
+
     def _shortened(self, states: FloatArray) -> FloatArray:
         """Return a path made shorter, in the time that a robot may be kept waiting for it."""
-        end = perf_counter() + min(0.5 * self.model.settings.replan_shortening, self.seconds_left())
+        end = perf_counter() + min(SHORTENING, self.seconds_left())
         return shorten(self.motion, states, self.model.rng, sweeps=SWEEPS, seconds_left=lambda: end - perf_counter())
 
     def _first_path(self, ends: FloatArray, *, near: bool = False) -> FloatArray:
-        """Return a path of certified motions, shape (n, 3), that was soon found; (0, 3) if none was.
-
-        Args:
-            ends: start and goal, valid, shape (2, 3).
-            near: whether to look only around the two.
-        """
+        """Return a path of certified motions, shape (n, 3), that was soon found, ``near`` the ends; else (0, 3)."""
         motion = self.motion
         direct = motion.motions_between_valid(ends[:1], ends[1:])[0]
         if direct and motion.direct_is_best:
@@ -305,30 +350,23 @@ class Replanner:
         return found
 
     def _paths(self, ends: FloatArray, *, near: bool = False) -> Iterator[FloatArray]:
-        """Yield paths of certified motions, shape (n, 3): of the roadmap, and as they are found over lattices.
-
-        Args:
-            ends: start and goal, valid, shape (2, 3).
-            near: whether to look only around the two.
-        """
-        model, motion = self.model, self.motion
-        if not near and len(found := RoadmapLookup(model.shared.roadmap, *ends).search_free_edges()):
+        """Yield paths of certified motions, (n, 3): of the roadmap, and over lattices, or only ``near`` the ends."""
+        model, motion, window = self.model, self.motion, None
+        if not near and len(found := known_path(model.shared.roadmap, ends)):
             yield found
-        if motion.has_lattice:
-            window = self._window(ends) if near else None
-            lattices = LatticeSchedule(
-                motion, ends, model.relaxation.size, self.seconds_left, model.settings.without, window
-            )
-            for _ in range(NEAR_LEVELS if near else LEVELS):
-                if len(found := lattices.first_path()):
-                    yield found
-
-    def _window(self, ends: FloatArray) -> tuple[float, float, float, float]:
-        """Return a box xmin, ymin, xmax, ymax (metres) around two configurations, within the bounds."""
-        xy, bounds = ends[:, :2], self.model.checker.world.bounds
-        room = NEAR * max(self.model.checker.robot.circumradius, float(np.hypot(*(xy[1] - xy[0]))))
-        low, high = np.maximum(xy.min(axis=0) - room, bounds[:2]), np.minimum(xy.max(axis=0) + room, bounds[2:])
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+        if not motion.has_lattice:
+            return
+        if near:
+            xy, bounds = ends[:, :2], model.checker.world.bounds
+            room = NEAR * max(model.checker.robot.circumradius, float(np.hypot(*(xy[1] - xy[0]))))
+            low, high = np.maximum(xy.min(axis=0) - room, bounds[:2]), np.minimum(xy.max(axis=0) + room, bounds[2:])
+            window = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+        lattices = LatticeSchedule(
+            motion, ends, model.relaxation.size, self.seconds_left, model.settings.without, window
+        )
+        for _ in range(NEAR_LEVELS if near else LEVELS):
+            if len(found := lattices.first_path()):
+                yield found
 
     def result(self, states: FloatArray) -> PlanResult | None:
         """Return the result for a path of certified motions, states of shape (n, 3); None if it is not free."""
@@ -343,39 +381,3 @@ class Replanner:
         incumbent = Incumbent(self.motion, self.start, self.goal, self.begin)
         incumbent.offer(states)
         return incumbent
-
-
-def as_replan(result: PlanResult, reason: str) -> ReplanResult:
-    """Return a result with why the path is not the rest of the one that was given."""
-    if result.path is None:
-        reason += ", and no other was found" if result.status == "timeout" else ", and there is no other"
-        reason += f": {result.reason}" if result.reason else ""
-    values = {field.name: getattr(result, field.name) for field in fields(PlanResult)}
-    return ReplanResult(**values | {"reason": reason})
-
-
-def place_before(model: WorldModel, a: FloatArray, b: FloatArray, *, reverse: bool) -> FloatArray | None:
-    """Return a configuration on the motion from a to b, some way before where it is blocked; None if a is not valid.
-
-    Args:
-        model: of the world.
-        a: shape (3,).
-        b: shape (3,).
-        reverse: whether to return one some way after where it is blocked instead; None if b is not valid.
-    """
-    motion = model.motion
-    places = np.array(motion.path(np.array([a, b])).at(np.linspace(0.0, 1.0, PLACES + 1)))
-    places[0], places[-1] = a, b
-    if reverse:
-        places = places[::-1].copy()
-    valid = model.checker.states_free(places)
-    if not valid[0]:
-        return None
-    blocked = int(np.argmin(valid)) if not valid.all() else PLACES // 2
-    step = float(motion.costs(a, b)[0]) / PLACES
-    k = blocked - 1 - int(np.ceil(BACK_OFF * model.checker.robot.circumradius / max(step, 1e-9)))
-    if k > 0:
-        ends = (places[k : k + 1], places[:1]) if reverse else (places[:1], places[k : k + 1])
-        if motion.motions_between_valid(*ends)[0]:
-            return np.array(places[k])
-    return np.array(places[0])

@@ -1,4 +1,4 @@
-"""What a planner returns: PlanResult, and PlanProgress on the way."""
+"""What a planner returns: PlanResult and ReplanResult, PlanProgress on the way, and Update after changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trailmark.path import Path
 from trailmark.shown import Shown
 from trailmark.world import Robot, World
 
-__all__ = ["PlanProgress", "PlanResult", "ReplanResult", "Status"]
+__all__ = ["PlanProgress", "PlanResult", "ReplanResult", "Status", "Update"]
 
 Status = Literal["solved", "timeout", "infeasible"]
 
@@ -167,3 +167,28 @@ class ReplanResult(PlanResult):
 
     kept: bool = False
     escape: int = 0
+
+
+@dataclass(frozen=True)
+class Update:
+    """What a change of the world changed in a planner.
+
+    Attributes:
+        changes: obstacles that were added, removed, moved or refined; of a grid map, cells that differ.
+        checked: edges of the roadmap that were looked at again.
+        gained: of those, edges that are certified now and were not before.
+        lost: of those, edges that are certified no more, those of landmarks that were dropped included.
+        landmarks_dropped: landmarks that are valid no more.
+        landmarks_retracted: of those, landmarks that came back beside the obstacle.
+        landmarks_added: landmarks in freed space.
+        seconds: that all this took.
+    """
+
+    changes: int = 0
+    checked: int = 0
+    gained: int = 0
+    lost: int = 0
+    landmarks_dropped: int = 0
+    landmarks_retracted: int = 0
+    landmarks_added: int = 0
+    seconds: float = 0.0

@@ -1,4 +1,4 @@
-"""Path shortening with certified motions: shortcuts, shortcuts of the heading alone, moved and dropped vertices.
+"""Path shortening with certified motions: shortcuts, also of headings alone, moved, added and needless vertices.
 
 Sources: shortcuts: Kavraki, Svestka, Latombe & Overmars 1996, section 4.5, and Geraerts & Overmars, "Creating
 high-quality paths for motion planning", IJRR 2007, which also brings shortcuts of single coordinates.
@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import Deadline, now
+from trailmark.clock import Deadline, over
 from trailmark.collision.kernels import FREE, state
-from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import turn, wrapped
+from trailmark.jit import array_callee, callee, njit
 from trailmark.motion import Motion
 from trailmark.motion.base import (
     Scratch,
@@ -35,11 +35,23 @@ from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
 from trailmark.se2 import FloatArray
+from trailmark.variants import by_type, variant_of
 
-__all__ = ["EFFORT", "GAIN", "halved", "propose", "shorten", "split", "uniform", "without_needless"]
+__all__ = ["EFFORT", "GAIN", "shorten", "without_needless"]
 
-EFFORT = 500
+EFFORT: Any = np.int64(500)
 """Configurations evaluated for one motion at most: one that needs more grazes something; another is sooner tried."""
+
+GAIN = 1e-7
+"""Metres that a change must save at least."""
+
+ATTEMPTS, MOVES = 5, 3
+"""Proposals of another place for a vertex, and times in a sweep that every vertex is moved."""
+
+SHORT = 0.02
+"""Share of a path's cost up to which a motion is not halved."""
+
+Seed = NDArray[np.uint64]
 
 
 def shorten(
@@ -81,24 +93,9 @@ def shorten(
     return path
 
 
-@njit(cache=True)
-def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
-    """Return the costs of a path's motions, shape (n - 1,), metres."""
-    result = np.empty(len(path) - 1)
-    for i in range(len(result)):
-        result[i] = cost(kind, scratch, path[i], path[i + 1])
-    return result
-
-
-@njit(cache=True)
-def _whole(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> float:
-    """Return a path's cost, in metres: that of its motions, and what a car is charged beyond it."""
-    return float(costs.sum() + extra_along(kind, scratch, path, 0, len(costs)))
-
-
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _sweep(
-    kind: Any, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool, deadline: Deadline
+    kind: Any, path: FloatArray, seed: Seed, scale: float, splitting: bool, deadline: Deadline
 ) -> tuple[FloatArray, float, float]:
     """Return the path after one round of every kind of change, the step for the next one's moves, and its cost.
 
@@ -107,32 +104,48 @@ def _sweep(
     scratch = new_scratch(kind)
     costs = _costs(kind, scratch, path)
     for _ in range(10 + 2 * len(path)):
-        if now(deadline.kind) >= deadline.seconds:
-            return path, scale, _whole(kind, scratch, path, costs)
-        path, costs = _shortcut(kind, scratch, path, costs, seed)
-    # It takes what it knows of the costs by the turns alone, so that they are computed anew below.
-    turn_evenly(kind, scratch, path, costs, seed)
-    path = without_needless(kind, path, EFFORT)
-    costs = _costs(kind, scratch, path)
-    if now(deadline.kind) >= deadline.seconds:
-        return path, scale, _whole(kind, scratch, path, costs)
-    if splitting and not obeys_triangle(kind):
-        path = halved(kind, scratch, path, costs)
+        if not over(deadline):
+            path, costs = _shortcut(kind, scratch, path, costs, seed)
+    if not over(deadline):
+        turn_evenly(kind, scratch, path, seed)
+        path = without_needless(kind, path, EFFORT)
         costs = _costs(kind, scratch, path)
-    elif splitting and len(path) > 2:
-        path = split(kind, scratch, path, costs, seed, scale)
+        if splitting and not obeys_triangle(kind):
+            path = _halved(kind, scratch, path, costs)
+        elif splitting and len(path) > 2:
+            path = _split(kind, scratch, path, costs, seed, scale)
         costs = _costs(kind, scratch, path)
-    moved = 0
-    for _ in range(3):
-        moved += _move(kind, scratch, path, costs, seed, scale, deadline)
-    scale *= 1.2 if 4 * moved > len(path) else 0.6
-    if now(deadline.kind) >= deadline.seconds:
-        return path, scale, _whole(kind, scratch, path, costs)
-    path = without_needless(kind, path, EFFORT)
-    return path, scale, _whole(kind, scratch, path, _costs(kind, scratch, path))
+        moved = 0
+        for _ in range(MOVES):
+            moved += _move(kind, scratch, path, costs, seed, scale, deadline)
+        scale *= 1.2 if 4 * moved > len(path) else 0.6
+    if not over(deadline):
+        path = without_needless(kind, path, EFFORT)
+        costs = _costs(kind, scratch, path)
+    return path, scale, float(costs.sum() + extra_along(kind, scratch, path, 0, len(costs)))
 
 
-@njit(cache=True)
+@array_callee
+def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
+    """Return the costs of a path's motions, shape (n - 1,), metres."""
+    result = np.empty(len(path) - 1)
+    for i in range(len(result)):
+        result[i] = cost(kind, scratch, path[i], path[i + 1])
+    return result
+
+
+@callee
+def uniform(seed: Seed) -> float:
+    """Return a number in [0, 1) and advance the seed (xorshift64*: Vigna 2016)."""
+    s = seed[0]
+    s ^= s >> np.uint64(12)
+    s ^= s << np.uint64(25)
+    s ^= s >> np.uint64(27)
+    seed[0] = s
+    return float((s * np.uint64(2685821657736338717)) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@array_callee
 def _locate(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
 ) -> tuple[int, float]:
@@ -154,66 +167,57 @@ def _locate(
     return i, place
 
 
-@njit(cache=True)
-def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[float, float]:
-    """Return two places along a path: at all scales alike, from the whole path down to one motion's length."""
-    span = total * 2.0 ** (-uniform(seed) * log2(2.0 * pieces + 2.0))
-    low = (uniform(seed) * (total + span)) - span
-    return max(0.0, low), min(total, low + span)
-
-
-@njit(cache=True)
+@array_callee
 def _shortcut(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
+    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: Seed
 ) -> tuple[FloatArray, FloatArray]:
-    """Join two random places of the path by a motion, or a car's by several, if that saves cost and is certified.
+    """Join two random places of the path by a motion, if that saves cost and is certified.
 
     What is left over of the motions that the places lie on is certified again: a part of a car's shortest curve is one
     itself, but perhaps not the only one between its ends.
     """
-    n = len(path)
-    low, high = _random_span(costs.sum(), n, seed)
-    a, b = np.empty(3), np.empty(3)
+    n, total = len(path), costs.sum()
+    # At all scales alike, from the whole path down to one motion's length.
+    span = total * 2.0 ** (-uniform(seed) * log2(2.0 * n + 2.0))
+    low = uniform(seed) * (total + span) - span
+    low, high = max(0.0, low), min(total, low + span)
+    ends = np.empty((2, 3))
+    a, b = ends[0], ends[1]
     i, before = _locate(kind, scratch, path, costs, low, a)
     j, behind = _locate(kind, scratch, path, costs, high, b)
     extra = extra_along(kind, scratch, path, 0, n)
+    limit = high - low + extra - GAIN
     # A motion is the cheapest between two places on it, but for what a car is charged beyond its length.
-    if i > j or (i == j and not charged(kind)) or high - low + extra - least_cost(kind, a, b) < GAIN:
-        return path, costs
-    middle = _joined(kind, scratch, a, b, high - low + extra - GAIN)
-    if len(middle) == 0:
+    if i > j or (i == j and not charged(kind)) or least_cost(kind, a, b) > limit:
         return path, costs
     keep_a, keep_b = before > 0.0, behind < costs[j]
-    if keep_a and not certified(kind, scratch, path[i], a, EFFORT):
+    if (
+        cost(kind, scratch, a, b) + extra_along(kind, scratch, ends, 0, 2) > limit
+        or not certified(kind, scratch, a, b, EFFORT)
+        or (keep_a and not certified(kind, scratch, path[i], a, EFFORT))
+        or (keep_b and not certified(kind, scratch, b, path[j + 1], EFFORT))
+    ):
         return path, costs
-    if keep_b and not certified(kind, scratch, b, path[j + 1], EFFORT):
-        return path, costs
-    head, tail = path[: i + 1], path[j + 1 :]
-    inner = middle[int(not keep_a) : len(middle) - int(not keep_b)]
-    k, m = len(head), len(inner)
-    fresh = np.empty((k + m + len(tail), 3))
-    fresh[:k], fresh[k : k + m], fresh[k + m :] = head, inner, tail
+    k = i + 1
+    fresh = np.empty((k + keep_a + keep_b + n - j - 1, 3))
+    fresh[:k] = path[:k]
+    if keep_a:
+        fresh[k] = a
+        k += 1
+    if keep_b:
+        fresh[k] = b
+        k += 1
+    fresh[k:] = path[j + 1 :]
     after = _costs(kind, scratch, fresh)
     # Where the cost is not spread evenly along a motion, or depends on the one before, less may be saved than thought.
     may_rise = charged(kind) or not obeys_triangle(kind)
-    if may_rise and _whole(kind, scratch, fresh, after) > costs.sum() + extra - GAIN:
+    if may_rise and after.sum() + extra_along(kind, scratch, fresh, 0, len(after)) > total + extra - GAIN:
         return path, costs
     return fresh, after
 
 
-@njit(cache=True)
-def _joined(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, limit: float) -> FloatArray:
-    """Return the ends of a certified motion from a to b that costs less than ``limit``, shape (2, 3), or none."""
-    states = np.empty((2, 3))
-    states[0], states[1] = a, b
-    total = extra_along(kind, scratch, states, 0, 2) + cost(kind, scratch, a, b)
-    if total > limit or not certified(kind, scratch, a, b, EFFORT):
-        return states[:0]
-    return states
-
-
 @by_type
-def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
+def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
     """Turn evenly between random vertices, in place, positions left alone, where that turns less and is certified."""
     raise NotImplementedError
 
@@ -221,28 +225,22 @@ def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray
 @variant_of(turn_evenly, Translation)
 @variant_of(turn_evenly, Curve)
 @variant_of(turn_evenly, Differential)
-@njit(cache=True)
-def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
+@callee
+def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
     """Leave the headings: a disc has none, a car's follow from its curves, and others from where they drive."""
 
 
 @variant_of(turn_evenly, Weighted)
-@njit(cache=True)
-def _turn_weighted(
-    kind: Weighted, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
-) -> None:
-    turn_evenly(kind.motion, scratch, path, costs, seed)
+@array_callee
+def _turn_weighted(kind: Weighted, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
+    turn_evenly(kind.motion, scratch, path, seed)
 
 
 @variant_of(turn_evenly, Straight)
-@njit(cache=True)
-def _turn_evenly(
-    kind: Straight, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
-) -> None:
+@array_callee
+def _turn_straight(kind: Straight, scratch: Scratch, path: FloatArray, seed: Seed) -> None:
     n = len(path)
-    if n < 3:
-        return
-    for _ in range(5 + n):
+    for _ in range(5 + n if n > 2 else 0):
         i = int(uniform(seed) * (n - 2))
         j = i + 2 + int(uniform(seed) * (n - i - 2))
         turned, length = 0.0, 0.0
@@ -250,45 +248,37 @@ def _turn_evenly(
             turned += abs(turn(path[k, 2], path[k + 1, 2]))
             length += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
         shorter = turn(path[i, 2], path[j, 2])
-        if turned - abs(shorter) < GAIN:
-            continue
-        changed = path[i : j + 1].copy()
-        along = 0.0
-        for k in range(i, j - 1):
-            along += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-            share = along / length if length > 0.0 else (k + 1 - i) / (j - i)
-            changed[k + 1 - i, 2] = wrapped(path[i, 2] + share * shorter)
-        free = True
-        for k in range(j - i):
-            if not certified(kind, scratch, changed[k], changed[k + 1], EFFORT):
-                free = False
-                break
+        free, along, changed = turned - abs(shorter) >= GAIN, 0.0, path[i : j + 1].copy()
+        for k in range(j - i if free else 0):
+            along += hypot(changed[k + 1, 0] - changed[k, 0], changed[k + 1, 1] - changed[k, 1])
+            if k < j - i - 1:
+                share = along / length if length > 0.0 else (k + 1) / (j - i)
+                changed[k + 1, 2] = wrapped(path[i, 2] + share * shorter)
+            free = free and certified(kind, scratch, changed[k], changed[k + 1], EFFORT)
         if free:
             path[i : j + 1] = changed
-            for k in range(i, j):
-                costs[k] = cost(kind, scratch, path[k], path[k + 1])
 
 
-@njit(cache=True)
+@array_callee
 def _move(
     kind: Any,
     scratch: Scratch,
     path: FloatArray,
     costs: FloatArray,
-    seed: NDArray[np.uint64],
+    seed: Seed,
     scale: float,
     deadline: Deadline,
 ) -> int:
     """Move every inner vertex, in place, towards the motion between its neighbours or at random; count what helped."""
-    moved, q = 0, np.empty(3)
+    moved = 0
     for i in range(1, len(path) - 1):
-        if now(deadline.kind) >= deadline.seconds:
+        if over(deadline):
             break
         a, b = path[i - 1], path[i + 1]
         before, extra = costs[i - 1] + costs[i], extra_along(kind, scratch, path, i - 2, i + 2)
-        for attempt in range(5):
-            if not propose(kind, scratch, path, i, costs[i - 1] / max(before, 1e-12), attempt, seed, scale, q):
-                break
+        share = costs[i - 1] / max(before, 1e-12)
+        for attempt in range(ATTEMPTS):
+            q = propose(kind, scratch, path[i - 1 : i + 2], share, attempt, scale, seed)
             first = cost(kind, scratch, a, q)
             if before + extra - first < GAIN:
                 continue
@@ -299,11 +289,10 @@ def _move(
                 path[i] = q
                 saved += extra - extra_along(kind, scratch, path, i - 2, i + 2)
                 path[i] = here
-            if saved < GAIN:
-                continue
             if (
+                saved >= GAIN
                 # One look at the new place is cheaper than two motions, and most fail there.
-                state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE
+                and state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE
                 and certified(kind, scratch, a, q, EFFORT)
                 and certified(kind, scratch, q, b, EFFORT)
             ):
@@ -314,13 +303,37 @@ def _move(
     return moved
 
 
-# --- Needless vertices of a path: those whose neighbours a certified motion joins at no higher cost.
+@array_callee
+def _split(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: Seed, scale: float) -> FloatArray:
+    """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
+    n = len(path)
+    i = 1 + int(uniform(seed) * (n - 2))
+    result = np.empty((n + 2, 3))
+    result[:i] = path[:i]
+    result[i + 1] = path[i]
+    result[i + 3 :] = path[i + 1 :]
+    before = min(0.45 * costs[i - 1], scale * uniform(seed))
+    interpolate(kind, scratch, path[i - 1], path[i], costs[i - 1] - before, result[i])
+    interpolate(kind, scratch, path[i], path[i + 1], min(0.45 * costs[i], scale * uniform(seed)), result[i + 2])
+    return result
 
-GAIN = 1e-7
-"""Metres that a change must save at least."""
+
+@array_callee
+def _halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
+    """Return the path with a vertex in the middle of every longer motion: what is cheapest need not be straight."""
+    longer = costs > SHORT * costs.sum()
+    result, k = np.empty((len(path) + longer.sum(), 3)), 0
+    for i in range(len(costs)):
+        result[k] = path[i]
+        k += 1
+        if longer[i]:
+            interpolate(kind, scratch, path[i], path[i + 1], 0.5 * costs[i], result[k])
+            k += 1
+    result[k] = path[-1]
+    return result
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
     """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
 
@@ -359,7 +372,7 @@ def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
     return path[kept]
 
 
-@njit(cache=True)
+@array_callee
 def _rise(kind: Any, scratch: Scratch, path: FloatArray, rows: tuple[int, int, int, int, int]) -> float:
     """Return what a path costs more, in metres, without the third of five vertices that follow one another."""
     window = np.empty((5, 3))
@@ -371,209 +384,97 @@ def _rise(kind: Any, scratch: Scratch, path: FloatArray, rows: tuple[int, int, i
     return rise + cost(kind, scratch, window[1], window[2]) + extra_along(kind, scratch, window, 0, 3)
 
 
-# --- Proposals: where a vertex of a path might better be, for each kind of motion, and where to add some.
-
-SHORT = 0.02
-"""Share of a path's cost up to which a motion is not halved."""
-
-
-@njit(cache=True)
-def uniform(seed: NDArray[np.uint64]) -> float:
-    """Return a number in [0, 1) and advance the seed (xorshift64*: Vigna 2016)."""
-    s = seed[0]
-    s ^= s >> np.uint64(12)
-    s ^= s << np.uint64(25)
-    s ^= s >> np.uint64(27)
-    seed[0] = s
-    return float((s * np.uint64(2685821657736338717)) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+# --- Proposals: where a vertex of a path might better be, for each kind of motion.
 
 
 @by_type
 def propose(
-    kind: Any,
-    scratch: Scratch,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    """Write where vertex i might better be into q; return False if there is no other proposal.
+    kind: Any, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
+) -> FloatArray:
+    """Return where the second of three vertices, shape (3, 3), might better be, shape (3,); where it is for no other.
 
     Args:
         kind: of motion.
         scratch: memory to work in.
-        path: (n, 3).
-        i: an inner vertex.
-        share: of the cost from the vertex before to the one after, at which this one lies.
-        attempt: number of the proposal, from 0 on.
-        seed: of random numbers.
+        near: the vertex between its neighbours.
+        share: of the cost from the one before to the one after, at which it lies.
+        attempt: number of the proposal, from 0 to ATTEMPTS - 1.
         scale: metres that random proposals lie away at most.
-        q: where to.
+        seed: of random numbers.
     """
     raise NotImplementedError
 
 
 @variant_of(propose, Straight)
 @variant_of(propose, Translation)
-@njit(cache=True)
+@array_callee
 def _propose_straight(
-    kind: Any,
-    scratch: Scratch,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    a, here, b = path[i - 1], path[i], path[i + 1]
-    if attempt < (3 if has_heading(kind) else 2):
-        straight = np.empty(3)
-        interpolate(kind, scratch, a, b, share * cost(kind, scratch, a, b), straight)
-        if attempt == 2:
-            q[:] = here
-            q[2] = straight[2]
-        else:
-            t = 0.5 if attempt == 0 else 0.1
-            interpolate(kind, scratch, here, straight, t * cost(kind, scratch, here, straight), q)
-        return True
-    angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
-    q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
-    q[2] = wrapped(here[2] + (uniform(seed) - 0.5) * min(2.0, 2.0 * scale)) if has_heading(kind) else here[2]
-    return attempt == 3
+    kind: Any, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
+) -> FloatArray:
+    """Propose half, and a tenth, of the way to the straight motion, its heading alone, and a random place."""
+    q: FloatArray = near[1].copy()
+    straight, turns = np.empty(3), kind.robot.sweep_radius > 0.0
+    if attempt < 3:
+        interpolate(kind, scratch, near[0], near[2], share * cost(kind, scratch, near[0], near[2]), straight)
+        t = (0.5, 0.1, 0.0)[attempt]
+        q[:2] += t * (straight[:2] - q[:2])
+        if turns:
+            q[2] = straight[2] if attempt == 2 else wrapped(q[2] + t * turn(q[2], straight[2]))
+    elif attempt == 3:
+        _shift(q, 2.0 * pi * uniform(seed), scale, seed)
+        if turns:
+            q[2] = wrapped(q[2] + (uniform(seed) - 0.5) * min(2.0, 2.0 * scale))
+    return q
 
 
-@variant_of(propose, Curve)
-@njit(cache=True)
-def _propose_curve(
-    kind: Curve,
-    scratch: Scratch,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    a, here, b = path[i - 1], path[i], path[i + 1]
-    if attempt == 0:
-        interpolate(kind, scratch, a, b, share * cost(kind, scratch, a, b), q)
-        return True
-    angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
-    if attempt == 1:
-        # Along its heading, where it can go.
-        angle = here[2] if uniform(seed) < 0.5 else here[2] + pi
-    q[0], q[1], q[2] = here[0] + step * cos(angle), here[1] + step * sin(angle), here[2]
-    if attempt == 2:
-        q[0], q[1] = here[0], here[1]
-    if attempt > 1:
-        q[2] = wrapped(q[2] + (2.0 * uniform(seed) - 1.0) * min(1.0, scale / kind.radius))
-    return True
-
-
-@variant_of(propose, Weighted)
-@njit(cache=True)
-def _propose_weighted(
-    kind: Weighted,
-    scratch: Scratch,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    here = path[i]
-    near = min(
-        hypot(path[i - 1, 0] - here[0], path[i - 1, 1] - here[1]),
-        hypot(path[i + 1, 0] - here[0], path[i + 1, 1] - here[1]),
-    )
-    # At all scales: what is cheapest is curved, here more and there less.
-    step = 0.5 * near * 2.0 ** (-6.0 * uniform(seed))
-    propose(kind.motion, scratch, path, i, share, (0, 2, 3, 3, 3)[attempt], seed, max(step, 1e-6), q)
-    if kind.robot.sweep_radius == 0.0:
-        q[2] = here[2]
-    return attempt < 4
+@callee
+def _shift(q: FloatArray, angle: float, scale: float, seed: Seed) -> None:
+    """Move a place in one direction, by a random step up to ``scale``."""
+    step = scale * sqrt(uniform(seed))
+    q[0] += step * cos(angle)
+    q[1] += step * sin(angle)
 
 
 @variant_of(propose, Differential)
-@njit(cache=True)
+@array_callee
 def _propose_differential(
-    kind: Differential,
-    scratch: Scratch,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    a, here, b = path[i - 1], path[i], path[i + 1]
-    if attempt < 2:
-        t = 0.5 if attempt == 0 else 0.1
-        q[0] = here[0] + t * (a[0] + share * (b[0] - a[0]) - here[0])
-        q[1] = here[1] + t * (a[1] + share * (b[1] - a[1]) - here[1])
-    else:
-        angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
-        q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
-    # It arrives without a turn.
-    q[2] = here[2]
-    q[2] = facing(kind, a, q)
-    return attempt < 3
-
-
-@by_type
-def has_heading(kind: Any) -> bool:
-    """Return whether headings make a difference."""
-    raise NotImplementedError
-
-
-@variant_of(has_heading, Straight)
-@njit(cache=True)
-def _heading(kind: Straight) -> bool:
-    return True
-
-
-@variant_of(has_heading, Translation)
-@njit(cache=True)
-def _no_heading(kind: Translation) -> bool:
-    return False
-
-
-@njit(cache=True)
-def split(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
+    kind: Differential, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
 ) -> FloatArray:
-    """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
-    n = len(path)
-    i = 1 + int(uniform(seed) * (n - 2))
-    result = np.empty((n + 2, 3))
-    result[:i] = path[:i]
-    result[i + 1] = path[i]
-    result[i + 3 :] = path[i + 1 :]
-    before = min(0.45 * costs[i - 1], scale * uniform(seed))
-    interpolate(kind, scratch, path[i - 1], path[i], costs[i - 1] - before, result[i])
-    interpolate(kind, scratch, path[i], path[i + 1], min(0.45 * costs[i], scale * uniform(seed)), result[i + 2])
-    return result
+    """Propose the same, reached without a turn at its end."""
+    q: FloatArray = near[1].copy()
+    if attempt < 2:
+        q[:2] += (0.5, 0.1)[attempt] * (near[0, :2] + share * (near[2, :2] - near[0, :2]) - q[:2])
+    elif attempt == 2:
+        _shift(q, 2.0 * pi * uniform(seed), scale, seed)
+    q[2] = facing(kind, near[0], q)
+    return q
 
 
-@njit(cache=True)
-def halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
-    """Return the path with a vertex in the middle of every longer motion: what is cheapest need not be straight."""
-    longer = costs > SHORT * costs.sum()
-    result, k = np.empty((len(path) + longer.sum(), 3)), 0
-    for i in range(len(costs)):
-        result[k] = path[i]
-        k += 1
-        if longer[i]:
-            interpolate(kind, scratch, path[i], path[i + 1], 0.5 * costs[i], result[k])
-            k += 1
-    result[k] = path[-1]
-    return result
+@variant_of(propose, Curve)
+@array_callee
+def _propose_curve(
+    kind: Curve, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
+) -> FloatArray:
+    """Propose a place on the curve between the neighbours, one along the heading, another heading, and random ones."""
+    q: FloatArray = near[1].copy()
+    if attempt == 0:
+        interpolate(kind, scratch, near[0], near[2], share * cost(kind, scratch, near[0], near[2]), q)
+    elif attempt == 1:
+        _shift(q, q[2] if uniform(seed) < 0.5 else q[2] + pi, scale, seed)
+    else:
+        if attempt > 2:
+            _shift(q, 2.0 * pi * uniform(seed), scale, seed)
+        q[2] = wrapped(q[2] + (2.0 * uniform(seed) - 1.0) * min(1.0, scale / kind.radius))
+    return q
+
+
+@variant_of(propose, Weighted)
+@array_callee
+def _propose_weighted(
+    kind: Weighted, scratch: Scratch, near: FloatArray, share: float, attempt: int, scale: float, seed: Seed
+) -> FloatArray:
+    """Propose what the motion that is weighted does, at all scales: the cheapest is curved, here more, there less."""
+    before, after = near[0] - near[1], near[2] - near[1]
+    close = min(hypot(before[0], before[1]), hypot(after[0], after[1]))
+    step = max(0.5 * close * 2.0 ** (-6.0 * uniform(seed)), 1e-6)
+    return propose(kind.motion, scratch, near, share, (0, 2, 3, 3, 3)[attempt], step, seed)

@@ -12,11 +12,8 @@ from trailmark.curves import CurvePath
 from trailmark.motion import Motion
 from trailmark.motion.one_way import straight_valid
 from trailmark.path import Path
-from trailmark.planning.error_report import report_error
-from trailmark.planning.followed import vertices_of
-from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.proofs.claims import contradicted
-from trailmark.planning.query import OnProgress
+from trailmark.planning.query import Incumbent, OnProgress, report_error, vertices_of
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
@@ -29,13 +26,7 @@ WITHIN = 1e-3
 
 
 class Verification:
-    """Checks what is about to be returned, and makes the results.
-
-    Args:
-        checker: of the planner; gives world and robot, and clearances.
-        motion: that paths are made of.
-        seed: of the planner, for reports of errors.
-    """
+    """Checks what is about to be returned, and makes the results."""
 
     def __init__(self, checker: StateChecker, motion: Motion, seed: int) -> None:
         self.checker, self.motion, self.seed = checker, motion, seed
@@ -43,12 +34,7 @@ class Verification:
         self.verifier = Verifier(self.world, self.robot, RIM)
 
     def certified(self, path: Path, ends: FloatArray) -> bool:
-        """Return whether a path passes the final check; report it as trailmark's own error if it does not.
-
-        Args:
-            path: to be returned.
-            ends: its start and goal, shape (2, 3).
-        """
+        """Return whether a path from one end to the other, (2, 3), passes the final check; report it if not."""
         fault = self.verifier.fault(path, *ends)
         if fault is not None:
             self._report(f"a path that was found is not free: {fault}", path, ends)
@@ -74,36 +60,20 @@ class Verification:
         return hand_on
 
     def result(
-        self,
-        incumbent: Incumbent,
-        status: Status,
-        path: Path | None,
-        roadmap: Roadmap,
-        build: float = 0.0,
+        self, incumbent: Incumbent, status: Status, path: Path | None, roadmap: Roadmap, build: float = 0.0
     ) -> PlanResult:
-        """Return the result of a query.
-
-        Args:
-            incumbent: what is known of it.
-            status: of the query.
-            path: that passed the final check, if there is one.
-            roadmap: of the planner, to be counted.
-            build: seconds that were spent on what other queries use as well.
-        """
+        """Return the result of a query."""
         cost, error = self.cost(path, incumbent)
-        min_clearance = None if path is None else self.least_clearance(path)
-        if path is not None:
-            path = self.followed_by_lines(path)
         return PlanResult(
             status=status,
-            path=path,
+            path=None if path is None else self.followed_by_lines(path),
             seed=self.seed,
             lower_bound=None if status == "infeasible" else self._lower_bound(incumbent, path, cost, error),
             charged=cost,
             cost_error=error,
             objective=self.motion.objective,
             first_cost=incumbent.first_cost,
-            min_clearance=min_clearance,
+            min_clearance=None if path is None else self.least_clearance(path),
             landmarks=len(roadmap),
             edges=int(np.count_nonzero(roadmap.status)),
             nearest=None if path is not None else self._nearest(incumbent),
@@ -122,11 +92,9 @@ class Verification:
         )
 
     def followed_by_lines(self, path: Path, leaves: bool = False) -> Path:
-        """Return a path, a car's with states between which straight motions are free too: programs join them so.
+        """Return a path that passed the check, a car's with states that straight motions join: programs do so.
 
-        Args:
-            path: that passed the final check, where it has to.
-            leaves: its first states are not valid. Motions from and to such states stay as they are.
+        Where it ``leaves`` obstacles, its first states are not valid: motions from and to such states stay as they are.
         """
         if not isinstance(path, CurvePath):
             return path
@@ -140,14 +108,6 @@ class Verification:
         """Return the least clearance (metres) along a path; the true one is at most 1 mm less."""
         return self.verifier.clearance(self.verifier.motions(path), WITHIN)[0]
 
-    def _nearest(self, incumbent: Incumbent) -> Path | None:
-        """Return the path that ends nearest to the goal, if one was found and it passes the final check."""
-        if incumbent.nearest is None:
-            return None
-        path = self.motion.path(incumbent.nearest)
-        certified = self.certified(path, np.array([incumbent.start, path.states[-1]]))
-        return self.followed_by_lines(path) if certified else None
-
     def cost(self, path: Path | None, incumbent: Incumbent) -> tuple[float | None, float]:
         """Return a path's cost under the objective, as it is reported, and a bound on its error."""
         if path is None:
@@ -156,6 +116,14 @@ class Verification:
             return path.cost, 0.0
         cost, error = self.motion.cost_within(vertices_of(self.motion, path))
         return self.motion.whole_cost(cost, incumbent.start, incumbent.goal), error
+
+    def _nearest(self, incumbent: Incumbent) -> Path | None:
+        """Return the path that ends nearest to the goal, if one was found and it passes the final check."""
+        if incumbent.nearest is None:
+            return None
+        path = self.motion.path(incumbent.nearest)
+        certified = self.certified(path, np.array([incumbent.start, path.states[-1]]))
+        return self.followed_by_lines(path) if certified else None
 
     def _lower_bound(self, incumbent: Incumbent, path: Path | None, cost: float | None, error: float) -> float:
         """Return the bound that was proven; one above the path's cost is reported as an error instead."""

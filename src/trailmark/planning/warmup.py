@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from trailmark.compiled.report import compiling_for
-from trailmark.compiled.side_by_side import compiled_side_by_side
 from trailmark.formats.grid import cells_of
-from trailmark.keep_out import keep_outs
+from trailmark.jit import compiling_for, side_by_side
 from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Robot, World
+from trailmark.world import Robot, World, keep_outs
 from trailmark.zones import KeepOutZone, OneWayZone
 
 if TYPE_CHECKING:
@@ -65,7 +63,7 @@ def warm_up(kind: Kind = "straight", use: Use = "plan", *, weighted: bool = Fals
     """
     objective = "clearance" if weighted else "length"
     jobs = [partial(job, kind, objective) for job in _jobs(use, kind, weighted)]
-    with compiling_for(NAMES[use]), compiled_side_by_side(jobs):
+    with compiling_for(NAMES[use]), side_by_side(jobs):
         for job in jobs:
             job()
 
@@ -106,7 +104,6 @@ def _hasty(kind: Kind, objective: str) -> LandmarkPlanner:
     settings = PlannerSettings(
         first_landmarks=20,
         drives=500,
-        redrive_nodes=2_000,
         sweeps=1,
         first_sweeps=1,
         polishing_sweeps=1,
@@ -267,7 +264,7 @@ def _enclose(kind: Kind, objective: str) -> None:
 def _shut_off(kind: Kind, objective: str) -> None:
     """Prove that a place cannot be reached."""
     from trailmark.collision import StateChecker
-    from trailmark.planning.proofs.shut_off import shut_off
+    from trailmark.planning.proofs.enclosure import shut_off
 
     world, (here, there) = SHUT
     shut_off(StateChecker(world, ROBOTS["straight"]), here, there[:2], np.array([here[:2], there[:2]]))

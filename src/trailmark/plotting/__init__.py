@@ -5,7 +5,6 @@ write it whole or not at all. No pyplot, hence no global state and no display. C
 ("Color Universal Design", 2008), which colour-blind readers tell apart; shape and line width repeat what colour says.
 """
 
-from trailmark.colours import EDGE, GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
 from trailmark.plotting.animation import Frame, save_animation, save_trajectory_animation
 from trailmark.plotting.canvas import PICTURE_SUFFIXES
 from trailmark.plotting.exploration import (
@@ -16,6 +15,7 @@ from trailmark.plotting.exploration import (
 from trailmark.plotting.landmarks import save_landmarks_figure
 from trailmark.plotting.plan import draw_audit, draw_plan, draw_progress, save_audit_figure, save_plan_figure
 from trailmark.plotting.world import draw_world, save_world_figure
+from trailmark.shown import EDGE, GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
 
 __all__ = [
     "EDGE",

@@ -11,10 +11,10 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 
 from trailmark import se2
-from trailmark.colours import GOAL, PATH, TEXT
 from trailmark.errors import OutputError
 from trailmark.plotting.canvas import figure_of, picture_of
 from trailmark.plotting.world import draw_end, draw_world
+from trailmark.shown import GOAL, PATH, TEXT
 
 if TYPE_CHECKING:
     from PIL.Image import Image

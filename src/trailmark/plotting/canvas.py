@@ -17,8 +17,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from trailmark import se2
-from trailmark.colours import TEXT
 from trailmark.errors import ConfigurationError, OutputError
+from trailmark.shown import TEXT
 from trailmark.world import Robot, World
 
 if TYPE_CHECKING:

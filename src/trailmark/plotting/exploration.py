@@ -16,13 +16,13 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.colours import GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START, TEXT
 from trailmark.errors import OutputError
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.exploration.result import History
 from trailmark.plotting.animation import write_gif
 from trailmark.plotting.canvas import annotate, draw_legend, figure_of, picture_of, points_per_metre, set_limits, write
 from trailmark.plotting.world import draw_end
+from trailmark.shown import GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START, TEXT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

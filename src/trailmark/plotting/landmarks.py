@@ -14,10 +14,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 
-from trailmark.colours import HATCH, LANDMARK, OUTSIDE, START, TEXT
 from trailmark.plotting.canvas import DPI, fill, picture_of, set_limits, tidy, view, write
 from trailmark.plotting.plan import draw_plan
 from trailmark.plotting.world import draw_end, draw_goal, regions_of
+from trailmark.shown import HATCH, LANDMARK, OUTSIDE, START, TEXT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
-from trailmark.colours import GOAL, HATCH, LANDMARK, MARGIN, OBSTACLE, OUTSIDE, PATH, START
 from trailmark.plotting.canvas import (
     annotate,
     draw_legend,
@@ -27,6 +26,7 @@ from trailmark.plotting.canvas import (
 )
 from trailmark.plotting.world import draw_end
 from trailmark.shapes import Disc
+from trailmark.shown import GOAL, HATCH, LANDMARK, MARGIN, OBSTACLE, OUTSIDE, PATH, START
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

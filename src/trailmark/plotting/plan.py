@@ -13,11 +13,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from trailmark import se2
-from trailmark.colours import BODY, CANDIDATE, COLLISION, EDGE, GOAL, LANDMARK, PATH, REPAIRED, START, TEXT
 from trailmark.goals import goals_of
-from trailmark.layers import ALL, Layers
 from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, plan_facts, points_per_metre, write
 from trailmark.plotting.world import draw_end, draw_goal, draw_world
+from trailmark.shown import ALL, BODY, CANDIDATE, COLLISION, EDGE, GOAL, LANDMARK, PATH, REPAIRED, START, TEXT, Layers
 from trailmark.verify.motions import Motions, merged
 
 if TYPE_CHECKING:

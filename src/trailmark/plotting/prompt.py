@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from trailmark.colours import PATH
-from trailmark.layers import Layers
 from trailmark.plotting.canvas import annotate, figure_of, set_limits
 from trailmark.plotting.plan import draw_plan
 from trailmark.plotting.world import draw_end, draw_queries, draw_world
+from trailmark.shown import PATH, Layers
 from trailmark.world import World
 
 if TYPE_CHECKING:

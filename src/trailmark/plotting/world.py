@@ -16,7 +16,21 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.colours import (
+from trailmark.plotting.canvas import (
+    DPI,
+    LONG_SIDE,
+    annotate,
+    figure_of,
+    fill,
+    picture_of,
+    points_per_metre,
+    set_limits,
+    view,
+    world_facts,
+    write,
+)
+from trailmark.shown import (
+    ALL,
     AVOID,
     COLLISION,
     GOAL,
@@ -30,20 +44,7 @@ from trailmark.colours import (
     SPEED,
     START,
     TEXT,
-)
-from trailmark.layers import ALL, Layers
-from trailmark.plotting.canvas import (
-    DPI,
-    LONG_SIDE,
-    annotate,
-    figure_of,
-    fill,
-    picture_of,
-    points_per_metre,
-    set_limits,
-    view,
-    world_facts,
-    write,
+    Layers,
 )
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 

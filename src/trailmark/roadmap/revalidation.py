@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.jit import njit
 from trailmark.motion import Motion
-from trailmark.roadmap.roadmap import Roadmap
-from trailmark.roadmap.search import edges_near, few_boxes, nodes_near
-from trailmark.roadmap.store import EdgeStatus
+from trailmark.roadmap.roadmap import EdgeStatus, Roadmap
 from trailmark.se2 import FloatArray
 
-__all__ = ["Revalidated", "revalidated"]
+__all__ = ["Revalidated", "edges_near", "few_boxes", "revalidated"]
+
+MANY = 32
+"""Boxes from which on some that lie together are taken for one: each is compared with every edge."""
+
+SLACK = 1e-6
+"""Metres, and share of a length, by which distances may be wrong; counted as near."""
 
 
 @dataclass(frozen=True)
@@ -47,39 +53,73 @@ def revalidated(roadmap: Roadmap, motion: Motion, removed: FloatArray, added: Fl
         removed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed, shape (r, 4).
         added: boxes that hold what was added, shape (a, 4).
     """
-    # Copies: whoever asks the roadmap at the same time may be deciding an edge.
-    q, edges, lengths, status = roadmap.rows()
-    q, edges, lengths, status = q.copy(), edges.copy(), lengths.copy(), status.copy()
+    q, edges, lengths, known = roadmap.rows()
+    # A copy: whoever asks the roadmap at the same time may be deciding an edge.
+    status = known.copy()
     reach = float(motion.checker.robot.circumradius)
     removed, added = few_boxes(removed), few_boxes(added)
-    invalid = nodes_near(q, reach, added)
+    every = np.arange(len(q), dtype=np.int32)
+    invalid = edges_near(q, np.column_stack([every, every]), np.zeros(len(q)), reach, added, np.ones(len(q), np.bool_))
     near = np.flatnonzero(invalid)
     invalid[near] = ~motion.checker.states_free(q[near])
-    free = status == EdgeStatus.FREE
-    blocked = status == EdgeStatus.BLOCKED
+    free, blocked = status == EdgeStatus.FREE, status == EdgeStatus.BLOCKED
     longest = motion.longest(lengths)
     again = edges_near(q, edges, longest, reach, added, free) | edges_near(q, edges, longest, reach, removed, blocked)
-    ends_valid = ~(invalid[edges[:, 0]] | invalid[edges[:, 1]])
-    check = np.flatnonzero(again & ends_valid)
+    stay = ~(invalid[edges[:, 0]] | invalid[edges[:, 1]])
+    check = np.flatnonzero(again & stay)
     found = motion.motions_between_valid(q[edges[check, 0]], q[edges[check, 1]])
     status[check] = np.where(found, EdgeStatus.FREE, EdgeStatus.BLOCKED)
     gained = int(np.count_nonzero(found & ~free[check]))
-    lost = int(np.count_nonzero(~found & free[check]) + np.count_nonzero(free & ~ends_valid))
-    dropped = q[invalid]
-    if len(dropped):
-        q, edges, lengths, status = _without(invalid, q, edges, lengths, status, ends_valid)
-    changed = Roadmap.from_arrays(motion.checker, q, edges, status, motion=motion, lengths=lengths)
-    return Revalidated(changed, dropped, len(check), gained, lost)
+    lost = int(np.count_nonzero(~found & free[check]) + np.count_nonzero(free & ~stay))
+    number = np.cumsum(~invalid) - 1
+    rest = q[~invalid], number[edges[stay]], status[stay]
+    changed = Roadmap.from_arrays(motion.checker, *rest, motion=motion, lengths=lengths[stay])
+    return Revalidated(changed, q[invalid], len(check), gained, lost)
 
 
-def _without(
-    nodes: NDArray[np.bool_],
+def few_boxes(boxes: FloatArray) -> FloatArray:
+    """Return about :data:`MANY` boxes at most that hold all of some boxes, shape (b, 4), xmin, ymin, xmax, ymax."""
+    if len(boxes) <= MANY:
+        return boxes
+    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    place = np.floor(sqrt(MANY) * (boxes[:, :2] - low) / np.maximum(high - low, 1e-9))
+    group = np.unique(place, axis=0, return_inverse=True)[1].ravel()
+    found = np.tile([np.inf, np.inf, -np.inf, -np.inf], (int(group.max()) + 1, 1))
+    np.minimum.at(found[:, :2], group, boxes[:, :2])
+    np.maximum.at(found[:, 2:], group, boxes[:, 2:])
+    return found
+
+
+@njit(nogil=True)
+def edges_near(
     q: FloatArray,
     edges: NDArray[np.int32],
     lengths: FloatArray,
-    status: NDArray[np.uint8],
-    stay: NDArray[np.bool_],
-) -> tuple[FloatArray, NDArray[np.int32], FloatArray, NDArray[np.uint8]]:
-    """Return the arrays of a roadmap without some nodes, shape (n,), and with the edges, shape (m,), that stay."""
-    number = np.cumsum(~nodes, dtype=np.int32) - 1
-    return q[~nodes], number[edges[stay]].reshape(-1, 2).astype(np.int32), lengths[stay], status[stay]
+    reach: float,
+    boxes: FloatArray,
+    among: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Return along which edges the robot may touch one of the boxes, shape (m,).
+
+    A motion of cost c moves the reference point by at most c metres, whatever kind of motion it is: where it is at
+    distance d of a box, its ends' distances from it add up to at most c + 2·d.
+
+    Args:
+        q: nodes, shape (n, 3).
+        edges: nodes joined, shape (m, 2).
+        lengths: their costs, metres, shape (m,).
+        reach: metres from the reference point to the robot's farthest point.
+        boxes: (b, 4), xmin, ymin, xmax, ymax, metres.
+        among: edges that are asked about, shape (m,).
+    """
+    found = np.zeros(len(edges), np.bool_)
+    distance = np.empty(len(q))
+    for box in boxes:
+        for i in range(len(q)):
+            x, y = q[i, 0], q[i, 1]
+            distance[i] = hypot(max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3]))
+        for i in range(len(edges)):
+            if among[i] and not found[i]:
+                most = lengths[i] + 2.0 * reach
+                found[i] = distance[edges[i, 0]] + distance[edges[i, 1]] <= most + SLACK * (1.0 + most)
+    return found

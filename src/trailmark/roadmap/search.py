@@ -1,50 +1,100 @@
-"""Shortest paths over a roadmap whose edges are checked only when the search needs them.
+"""Shortest paths over a graph of motions, which are checked only when the search needs them.
 
 Source: Cohen, Phillips & Likhachev, "Planning single-arm manipulations with n-arm robots", RSS 2014 (Lazy
-Weighted A*, here with weight 1): an edge is checked when it leaves the queue, not when it enters it.
+Weighted A*): an edge is checked when it leaves the queue, not when it enters it.
 """
 
 from __future__ import annotations
 
-from math import hypot, sqrt
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline, now
+from trailmark import se2
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
-from trailmark.compiled import njit
 from trailmark.errors import ConfigurationError
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.motion.base import certified, charged, extra, new_scratch
-from trailmark.roadmap.adjacency import root_of
-from trailmark.roadmap.insertion import JOINED, joinable_nodes
-from trailmark.roadmap.store import Store
+from trailmark.jit import njit
+from trailmark.motion import Motion
+from trailmark.motion.base import certified, charged, cost, extra, new_scratch
 from trailmark.se2 import FloatArray
 
 __all__ = [
+    "JOINED",
     "UNBOUNDED",
     "EndNodes",
     "FoundPath",
+    "Graph",
+    "Links",
     "Search",
-    "edges_near",
-    "few_boxes",
-    "join_end",
-    "nodes_near",
+    "join",
+    "links_of",
     "only",
+    "require_nodes",
     "search",
-    "search_between",
+    "tree_of",
     "without_repetitions",
 ]
 
 UNBOUNDED = 1 << 62
 """A budget without bounds."""
 
+JOINED = 3
+"""Nodes that an end of a query is joined to."""
+
 LATER = 1e-9
 """Metres by which a path must cost more than was thought to wait in the queue again."""
+
+
+class Links(NamedTuple):
+    """Edges by the node that they leave: a compressed sparse row matrix.
+
+    Attributes:
+        start: (n + 1,) where each node's links begin.
+        node: (l,) int32, where each leads to.
+        edge: (l,) int32, which edge it is.
+        length: (l,) metres.
+    """
+
+    start: NDArray[np.int64]
+    node: NDArray[np.int32]
+    edge: NDArray[np.int32]
+    length: FloatArray
+
+
+class Graph(NamedTuple):
+    """What a search reads.
+
+    Attributes:
+        motion: what edges are.
+        configurations: (n, 3) nodes.
+        edges: (m, 2) nodes joined; of directed edges from, to.
+        status: (m,) FREE, BLOCKED or UNDECIDED; what a search finds out is written here.
+        links: of these edges.
+        tree: of the nodes: :func:`tree_of`.
+    """
+
+    motion: Motion
+    configurations: FloatArray
+    edges: NDArray[np.int32]
+    status: NDArray[np.uint8]
+    links: Links
+    tree: Any
+
+
+class EndNodes(NamedTuple):
+    """Nodes at which a path may begin, or end.
+
+    Attributes:
+        nodes: (e,).
+        costs: (e,) from the query's start to each, or from each to the query's goal, metres.
+    """
+
+    nodes: NDArray[np.int64]
+    costs: FloatArray
 
 
 class Search(NamedTuple):
@@ -76,16 +126,36 @@ class FoundPath(NamedTuple):
     complete: bool
 
 
-class EndNodes(NamedTuple):
-    """Nodes at which a path may begin, or end.
+def links_of(n: int, edges: NDArray[np.int32], lengths: FloatArray, directed: bool) -> Links:
+    """Return the links of n nodes along edges, shape (m, 2), of lengths (m,), both ways unless they are directed."""
+    # Compiled code gives back plain tuples: a signal may arrive while they are made.
+    return Links(*_rows(n, edges, lengths, 1 if directed else 2))
 
-    Attributes:
-        nodes: (e,).
-        costs: (e,) from the query's start to each, or from each to the query's goal, metres.
-    """
 
-    nodes: NDArray[np.int64]
-    costs: FloatArray
+@njit(nogil=True)
+def _rows(n: int, edges: NDArray[np.int32], lengths: FloatArray, sides: int) -> tuple[NDArray[Any], ...]:
+    """Return the parts of :class:`Links`."""
+    start = np.zeros(n + 1, np.int64)
+    for i in range(len(edges)):
+        for side in range(sides):
+            start[edges[i, side] + 1] += 1
+    start = np.cumsum(start)
+    place, count = start[:-1].copy(), start[-1]
+    node, edge, length = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count)
+    for i in range(len(edges)):
+        for side in range(sides):
+            k = place[edges[i, side]]
+            place[edges[i, side]] = k + 1
+            node[k], edge[k], length[k] = edges[i, 1 - side], i, lengths[i]
+    return start, node, edge, length
+
+
+def tree_of(q: FloatArray, radius: float) -> Any:
+    """Return a ``scipy.spatial.cKDTree`` of configurations in the embedding (:func:`trailmark.se2.embed`)."""
+    from scipy.spatial import cKDTree
+
+    # Built in a fraction of the time that a balanced one takes, and hardly slower to ask.
+    return cKDTree(se2.embed(q, radius), balanced_tree=False, compact_nodes=False)
 
 
 def only(node: int | None) -> EndNodes:
@@ -94,8 +164,26 @@ def only(node: int | None) -> EndNodes:
     return EndNodes(nodes, np.zeros(len(nodes)))
 
 
+def join(graph: Graph, q: FloatArray, tried: int, enough: int = JOINED, *, reverse: bool = False) -> EndNodes:
+    """Return the nodes near a configuration that certified motions join to it.
+
+    Args:
+        graph: whose nodes.
+        q: valid, shape (3,).
+        tried: how many of the nearest nodes are tried until enough are joined.
+        enough: how many are joined at most.
+        reverse: whether the motions lead to ``q`` instead of from it.
+    """
+    kind, tried = graph.motion.kind, min(tried, len(graph.configurations))
+    if tried == 0:
+        return only(None)
+    near = graph.tree.query(se2.embed(q, graph.motion.radius), np.arange(1, tried + 1))[1]
+    # A copy: a path's states are read-only, which numba would take for another type and compile anew for.
+    return EndNodes(*_joined(kind, graph.configurations, near, np.array(q), enough, reverse))
+
+
 def search(
-    store: Store,
+    graph: Graph,
     starts: EndNodes,
     goals: EndNodes,
     to_go: FloatArray,
@@ -105,89 +193,38 @@ def search(
     budget: int = UNBOUNDED,
     seconds: float = np.inf,
     checking: bool = True,
-    reverse: bool = False,
 ) -> Search:
-    """Search a roadmap; the arguments are those of :func:`lazy_shortest_path`.
+    """Return the shortest certified path between nodes; undecided edges that it needs are checked and marked.
+
+    Args:
+        graph: to search.
+        starts: where the path may begin.
+        goals: where it may end; without any, the search reaches all that it can.
+        to_go: (n,) lower estimate of the cost from each node to the end, the goals' costs included; with a factor above
+            1, the path costs at most so many times the shortest, and is found sooner.
+        banned: (n,) nodes not to be used.
+        limit: longest cost of interest, with a factor of its estimate.
+        budget: maximum number of nodes and undecided edges that leave the queue.
+        seconds: time limit.
+        checking: whether undecided edges are checked; otherwise only edges known to be free are used.
 
     Raises:
         ConfigurationError: ``to_go`` or ``banned`` of another length than there are nodes.
     """
-    arrays = store.arrays()
-    n = len(arrays.configurations)
-    excluded = np.zeros(n, np.bool_) if banned is None else banned
+    motion, q, edges, status, links, _ = graph
+    excluded = np.zeros(len(q), np.bool_) if banned is None else banned
     # Compiled code would read beyond the end of a shorter array.
     for name, rows in (("to_go", to_go), ("banned", excluded)):
-        if np.shape(rows) != (n,):
-            raise ConfigurationError(f"{name}: expected shape ({n},), one value for each node, got {np.shape(rows)}")
-    found = lazy_shortest_path(
-        store.motion.kind,
-        arrays.configurations,
-        arrays.incoming if reverse else arrays.outgoing,
-        arrays.older,
-        arrays.edges,
-        arrays.lengths,
-        arrays.status,
-        *starts,
-        *goals,
-        to_go,
-        excluded,
-        float(limit),
-        budget,
-        Deadline.after(seconds),
-        checking,
-    )
-    return Search(*found)
-
-
-def join_end(store: Store, q: FloatArray, neighbours: int, *, reverse: bool) -> EndNodes:
-    """Return the nodes near a configuration that certified motions join to it.
-
-    Args:
-        store: the roadmap's.
-        q: valid, shape (3,).
-        neighbours: how many nodes are tried until enough are joined.
-        reverse: whether the motions lead to ``q`` instead of from it.
-    """
-    nodes, motion = store.nodes.view, store.motion
-    neighbours = min(len(nodes), neighbours)
-    found = joinable_nodes(motion.kind, nodes, store.index().forest(), q, neighbours, JOINED, reverse)
-    return EndNodes(found, motion.costs(nodes[found], q) if reverse else motion.costs(q, nodes[found]))
-
-
-def search_between(
-    store: Store,
-    start: FloatArray,
-    goal: FloatArray,
-    weight: float,
-    limit: float,
-    budget: int,
-    seconds: float,
-    checking: bool,
-    neighbours: int,
-) -> FoundPath:
-    """Search between configurations, which are joined to nodes near them; the roadmap's method describes the arguments.
-
-    See :meth:`trailmark.roadmap.Roadmap.find_path`.
-    """
-    q = store.nodes.view
-    starts, goals = (
-        join_end(store, end, neighbours, reverse=reverse) for end, reverse in ((start, False), (goal, True))
-    )
-    tried = 2 * min(len(q), neighbours)
-    if len(starts.nodes) == 0 or len(goals.nodes) == 0:
-        return FoundPath(q[:0], tried, complete=True)
-    if not checking:
-        parents = store.component_parents()
-        if {root_of(parents, i) for i in starts.nodes}.isdisjoint(root_of(parents, i) for i in goals.nodes):
-            return FoundPath(q[:0], tried, complete=False)
-    to_go = weight * np.hypot(*(q[:, :2] - goal[:2]).T)
-    begin = perf_counter()
-    found = search(store, starts, goals, to_go, limit=limit, budget=budget, seconds=seconds, checking=checking)
-    ended = found.expanded < budget and perf_counter() - begin < seconds
-    complete = len(found.nodes) > 0 or (checking and ended)
-    states = np.vstack([start, q[found.nodes], goal]) if len(found.nodes) else q[:0]
-    # An end may be a node.
-    return FoundPath(without_repetitions(states), tried + found.expanded, complete)
+        if np.shape(rows) != (len(q),):
+            raise ConfigurationError(f"{name}: expected shape ({len(q)},), one for each node, got {np.shape(rows)}")
+    limits = float(limit), budget, Deadline.after(seconds), checking
+    arguments: tuple[Any, ...] = motion.kind, q, edges, status, links, *starts, *goals, to_go, excluded, *limits
+    end, parent, reached, expanded = lazy_shortest_path(*arguments)
+    nodes = []
+    while end >= 0:
+        nodes.append(end)
+        end = parent[end]
+    return Search(np.array(nodes[::-1], dtype=np.int64), reached, expanded)
 
 
 def without_repetitions(states: FloatArray) -> FloatArray:
@@ -195,15 +232,38 @@ def without_repetitions(states: FloatArray) -> FloatArray:
     return states[np.append(True, (states[1:] != states[:-1]).any(axis=1))] if len(states) else states
 
 
-@njit(cache=True, nogil=True)
+def require_nodes(nodes: ArrayLike, n: int) -> None:
+    """Raise a ConfigurationError unless all nodes exist, of n."""
+    numbers = np.asarray(nodes)
+    wrong = numbers[(numbers < 0) | (numbers >= n)]
+    if len(wrong):
+        raise ConfigurationError(f"node: expected 0 or more, below {n}, got {wrong[0]}")
+
+
+@njit(nogil=True)
+def _joined(
+    kind: Any, configurations: FloatArray, near: NDArray[np.int64], q: FloatArray, enough: int, reverse: bool
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the nodes, of those near q the first ``enough``, that certified motions join to it, and their costs."""
+    scratch, nodes, costs, count = new_scratch(kind), np.empty(enough, np.int64), np.empty(enough), 0
+    for node in near:
+        other = configurations[node]
+        a, b = (other, q) if reverse else (q, other)
+        if certified(kind, scratch, a, b, BUDGET):
+            nodes[count], costs[count] = node, cost(kind, scratch, a, b)
+            count += 1
+            if count == enough:
+                break
+    return nodes[:count], costs[:count]
+
+
+@njit(nogil=True)
 def lazy_shortest_path(
     kind: Any,
     configurations: FloatArray,
-    newest: NDArray[np.int64],
-    older: NDArray[np.int64],
     edges: NDArray[np.int32],
-    cost: FloatArray,
     status: NDArray[np.uint8],
+    links: Links,
     starts: NDArray[np.int64],
     start_costs: FloatArray,
     goals: NDArray[np.int64],
@@ -214,43 +274,23 @@ def lazy_shortest_path(
     budget: int,
     deadline: Deadline,
     checking: bool,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
-    """Return the nodes of the shortest certified path, the nodes that were reached, and how many were expanded.
+) -> tuple[int, NDArray[np.int64], NDArray[np.bool_], int]:
+    """Return the last node of the shortest certified path, each node's parent, the nodes reached, how many expanded.
 
-    The path is empty if there is none below ``limit``, or the budget or the time is used up. What a car is charged for
-    changes of direction counts as it comes to each node on the path that reached the node first: another may be as
-    cheap there and go on in the other direction at a lower cost.
-
-    Args:
-        kind: of motion that edges are (:mod:`trailmark.motion.base`).
-        configurations: (n, 3) nodes.
-        newest: (n,) newest entry of each node (:mod:`trailmark.roadmap.adjacency`): among those that leave it, or among
-            those that lead to it to search in the reverse direction.
-        older: (2 m,) next older entry of the same node.
-        edges: (m, 2) nodes joined; of directed edges from, to.
-        cost: (m,) length of each edge.
-        status: (m,) FREE, BLOCKED or UNDECIDED; undecided edges that the search needs are checked and marked.
-        starts: (s,) nodes that the path may begin at.
-        start_costs: (s,) cost to reach each of them.
-        goals: (g,) nodes that it may end at; without any, the search reaches all that it can.
-        goal_costs: (g,) cost from each of them to the end.
-        to_go: (n,) lower estimate of the cost from each node to the end, ``goal_costs`` included.
-        banned: (n,) nodes not to be used.
-        limit: longest cost of interest.
-        budget: maximum number of nodes and undecided edges that leave the queue.
-        deadline: when the search ends at the latest.
-        checking: whether undecided edges are checked; otherwise only edges known to be free are used.
+    The last node is -1 if there is no path. What a car is charged for changes of direction counts as it comes to each
+    node on the path that reached the node first: another may be as cheap there and go on in the other direction at a
+    lower cost.
     """
     n = len(configurations)
-    scratch = new_scratch(kind)
+    scratch, charging = new_scratch(kind), charged(kind)
     done = np.zeros(n, np.bool_)
+    # Known to be reached at this cost, over free edges.
     best, parent = np.full(n, np.inf), np.full(n, -1, np.int64)
-    left, charging = np.full(n, np.inf), charged(kind)
-    gears = np.zeros(n if charging else 0)
+    left, gears = np.full(n, np.inf), np.zeros(n if charging else 0)
     for i in range(len(goals)):
         left[goals[i]] = min(left[goals[i]], goal_costs[i])
     keys, values = np.empty(1024), np.empty(1024, np.int64)
-    # A value in the queue is an entry, or -1 - i for the i-th of ``starts``.
+    # A value in the queue is a link, or -1 - i for the i-th of ``starts``.
     size = 0
     for i in range(len(starts)):
         if size == len(keys):
@@ -259,143 +299,49 @@ def lazy_shortest_path(
     end, total, expanded, steps = -1, limit, 0, 0
     while size > 0 and expanded < budget:
         steps += 1
-        if steps % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if steps % CLOCK_EVERY == 0 and over(deadline):
             break
         size = heap_pop(keys, values, size)
-        entry = values[size]
+        link = values[size]
         if keys[size] >= total:
             break
-        node, reached, back = 0, 0.0, -1
-        if entry < 0:
-            node, reached = starts[-1 - entry], start_costs[-1 - entry]
-            if done[node]:
-                continue
+        back, node = -1, starts[-1 - link] if link < 0 else np.int64(links.node[link])
+        if done[node]:
+            continue
+        if link < 0:
+            reached = start_costs[-1 - link]
         else:
-            edge = entry >> 1
-            back, node = edges[edge, entry & 1], edges[edge, 1 - (entry & 1)]
-            if done[node]:
-                continue
+            edge = links.edge[link]
+            a, b = edges[edge, 0], edges[edge, 1]
             if status[edge] == UNDECIDED:
                 expanded += 1
-                a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
-                status[edge] = FREE if certified(kind, scratch, a, b, BUDGET) else BLOCKED
+                free = certified(kind, scratch, configurations[a], configurations[b], BUDGET)
+                status[edge] = FREE if free else BLOCKED
             if status[edge] != FREE:
                 continue
-            reached = best[back] + cost[edge]
+            back = a + b - node
+            reached = best[back] + links.length[link]
             if charging:
                 more, gear = extra(kind, scratch, configurations[back], configurations[node], gears[back])
                 # What an edge is charged beyond its own cost is computed only once it leaves the queue.
                 if reached + more + to_go[node] > keys[size] + LATER:
-                    size = heap_push(keys, values, size, reached + more + to_go[node], entry)
+                    size = heap_push(keys, values, size, reached + more + to_go[node], link)
                     continue
                 reached, gears[node] = reached + more, gear
         expanded += 1
         parent[node], done[node], best[node] = back, True, reached
         if reached + left[node] < total:
-            end, total = node, reached + left[node]
-        entry = newest[node]
-        while entry >= 0:
-            edge = entry >> 1
-            if status[edge] == FREE or (checking and status[edge] != BLOCKED):
-                other = edges[edge, 1 - (entry & 1)]
-                key = reached + cost[edge] + to_go[other]
-                if key < total and not (done[other] or banned[other]):
-                    if size == len(keys):
-                        keys, values = heap_grow(keys, values)
-                    size = heap_push(keys, values, size, key, entry)
-            entry = older[entry]
-    return trace_back(parent, end), done, expanded
-
-
-@njit(cache=True, nogil=True)
-def trace_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
-    """Return the nodes of the path that the parents describe, from its first to ``end``; none if ``end`` is -1."""
-    length, node = 0, end
-    while node >= 0:
-        node, length = parent[node], length + 1
-    path = np.empty(length, np.int64)
-    node = end
-    for i in range(length - 1, -1, -1):
-        path[i] = node
-        node = parent[node]
-    return path
-
-
-# --- Which nodes and edges of a roadmap a changed obstacle may touch.
-
-MANY = 32
-"""Boxes from which on some that lie together are taken for one: each is compared with every edge."""
-
-SLACK = 1e-6
-"""Metres, and share of a length, by which distances may be wrong; counted as near."""
-
-
-def few_boxes(boxes: FloatArray) -> FloatArray:
-    """Return about :data:`MANY` boxes at most that hold all of some boxes, shape (b, 4), xmin, ymin, xmax, ymax."""
-    if len(boxes) <= MANY:
-        return boxes
-    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    place = np.floor(sqrt(MANY) * (boxes[:, :2] - low) / np.maximum(high - low, 1e-9))
-    group = np.unique(place, axis=0, return_inverse=True)[1].ravel()
-    found = np.tile([np.inf, np.inf, -np.inf, -np.inf], (int(group.max()) + 1, 1))
-    np.minimum.at(found[:, :2], group, boxes[:, :2])
-    np.maximum.at(found[:, 2:], group, boxes[:, 2:])
-    return found
-
-
-@njit(cache=True)
-def _distance(x: float, y: float, box: FloatArray) -> float:
-    """Return the distance (metres) of a point from a box xmin, ymin, xmax, ymax; 0 inside it."""
-    return hypot(max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3]))
-
-
-@njit(cache=True, nogil=True)
-def nodes_near(q: FloatArray, reach: float, boxes: FloatArray) -> NDArray[np.bool_]:
-    """Return in which configurations, shape (n, 3), the robot may touch one of the boxes, shape (n,).
-
-    Args:
-        q: shape (n, 3).
-        reach: metres from the reference point to the robot's farthest point.
-        boxes: (b, 4), xmin, ymin, xmax, ymax, metres.
-    """
-    found = np.zeros(len(q), np.bool_)
-    for i in range(len(q)):
-        for box in boxes:
-            if _distance(q[i, 0], q[i, 1], box) <= reach + SLACK * (1.0 + reach):
-                found[i] = True
-                break
-    return found
-
-
-@njit(cache=True, nogil=True)
-def edges_near(
-    q: FloatArray,
-    edges: NDArray[np.int32],
-    lengths: FloatArray,
-    reach: float,
-    boxes: FloatArray,
-    among: NDArray[np.bool_],
-) -> NDArray[np.bool_]:
-    """Return along which edges the robot may touch one of the boxes, shape (m,).
-
-    A motion of cost c moves the reference point by at most c metres, whatever kind of motion it is: where it is at
-    distance d of a box, its ends' distances from it add up to at most c + 2·d.
-
-    Args:
-        q: nodes, shape (n, 3).
-        edges: nodes joined, shape (m, 2).
-        lengths: their costs, metres, shape (m,).
-        reach: metres from the reference point to the robot's farthest point.
-        boxes: (b, 4), xmin, ymin, xmax, ymax, metres.
-        among: edges that are asked about, shape (m,).
-    """
-    found = np.zeros(len(edges), np.bool_)
-    distance = np.empty(len(q))
-    for box in boxes:
-        for i in range(len(q)):
-            distance[i] = _distance(q[i, 0], q[i, 1], box)
-        for i in range(len(edges)):
-            if among[i] and not found[i]:
-                most = lengths[i] + 2.0 * reach
-                found[i] = distance[edges[i, 0]] + distance[edges[i, 1]] <= most + SLACK * (1.0 + most)
-    return found
+            end, total = int(node), reached + left[node]
+        for k in range(links.start[node], links.start[node + 1]):
+            other, through = links.node[k], reached + links.length[k]
+            if done[other] or banned[other] or through + to_go[other] >= total or through >= best[other]:
+                continue
+            state = status[links.edge[k]]
+            if state == BLOCKED or (state != FREE and not checking):
+                continue
+            if state == FREE and not charging:
+                best[other] = through
+            if size == len(keys):
+                keys, values = heap_grow(keys, values)
+            size = heap_push(keys, values, size, through + to_go[other], k)
+    return end, parent, done, expanded

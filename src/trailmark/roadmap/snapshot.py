@@ -1,26 +1,38 @@
 """RoadmapSnapshot: a roadmap as it is now, prepared for many queries, which change nothing in it.
 
 All expensive work is done once: edges are certified, edges that others can replace are left out, and the distances from
-a few reference nodes to all others are stored. A query then runs in one compiled call: it joins its ends to their
-nearest nodes for its own use only, and searches (:mod:`trailmark.roadmap.alt_search`). Any number of threads may query
-at once.
+a few reference nodes to all others are stored. For a reference node r, the triangle inequality bounds the distance from
+a node v to the goal g from below by d(r, g) - d(r, v) and by d(r, v) - d(r, g). A query joins its ends to their nearest
+nodes for its own use only. Any number of threads may query at once.
 
-Source of the sparse graph: Althöfer, Das, Dobkin, Joseph & Soares, "On sparse spanners of weighted graphs", DCG 1993.
+Sources: the sparse graph, Althöfer, Das, Dobkin, Joseph & Soares, "On sparse spanners of weighted graphs", DCG 1993;
+the bounds (ALT), Goldberg & Harrelson, "Computing the shortest path: A* search meets graph theory", SODA 2005, where
+the reference nodes are called landmarks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.nearest import Forest
-from trailmark.roadmap.alt_search import COLUMNS, alt_path, alt_search, node_table
-from trailmark.roadmap.roadmap import Roadmap
-from trailmark.roadmap.spanner import adjacency_of, components_of, distances_from, spanner
-from trailmark.roadmap.store import EdgeStatus, require_nodes
+from trailmark.jit import njit
+from trailmark.motion.base import least_cost
+from trailmark.roadmap.roadmap import EdgeStatus, Roadmap
+from trailmark.roadmap.search import (
+    JOINED,
+    EndNodes,
+    Graph,
+    Links,
+    join,
+    links_of,
+    only,
+    require_nodes,
+    search,
+    tree_of,
+)
 from trailmark.se2 import FloatArray
 
 __all__ = ["RoadmapSnapshot"]
@@ -28,13 +40,14 @@ __all__ = ["RoadmapSnapshot"]
 STRETCH = 1.4
 """An edge is left out if a path over two others is at most this many times as long."""
 
-REFERENCES = 12
-"""Nodes whose distances to all others are stored: with the configuration, they fill 60 of a cache line's 64 bytes."""
+REFERENCES, ACTIVE = 12, 4
+"""Nodes whose distances to all others are stored; those of them that one query uses, with the largest bounds for it."""
 
-NEIGHBOURS, MAX_NEIGHBOURS = 12, 768
-"""Nodes near an end of a query that are tried at first, and at most."""
+LARGE_SHARE = 0.02
+"""Share of all nodes that a component must have to get a reference node: queries are likely to be in it."""
 
-NO_DISCS = np.empty((0, 3))
+NEIGHBOURS = (12, 48, 192, 768)
+"""Nodes near an end of a query that are tried: more where those before join the ends to no common component."""
 
 
 class RoadmapSnapshot:
@@ -48,7 +61,7 @@ class RoadmapSnapshot:
     Attributes:
         configurations: (n, 3), the nodes.
         links: the edges that are searched.
-        distances: (n, r) float32, from the reference nodes, metres.
+        distances: (r, n) float32, from the reference nodes, metres.
         components: (n,) number of each node's connected component.
     """
 
@@ -56,24 +69,20 @@ class RoadmapSnapshot:
         roadmap.certify_all()
         self.checker: StateChecker = roadmap.checker
         self.motion = roadmap.motion
-        q, all_edges, all_lengths, status = roadmap.rows()
-        free = status == EdgeStatus.FREE
-        self.configurations, edges, lengths = q.copy(), all_edges[free], all_lengths[free]
-        n = len(self.configurations)
-        if roadmap.directed:
-            # Spanners and distances from reference nodes are for edges that lead both ways.
-            self.links = adjacency_of(n, edges, lengths, directed=True)
-            self.distances = np.empty((n, 0), np.float32)
-            self.components = components_of(adjacency_of(n, edges, lengths))
-        else:
-            self.links = spanner(n, edges, lengths, stretch)
-            self.distances, self.components = distances_from(self.links, references)
-        self._table = node_table(self.configurations, self.distances)
-        self._forest: Forest = roadmap.nearest()
-        self._idle: list[FloatArray] = []
-        if n:
+        q, edges, lengths, status = roadmap.rows()
+        kept = np.flatnonzero(status == EdgeStatus.FREE)
+        # Spanners and distances from reference nodes are for edges that lead both ways.
+        if not roadmap.directed:
+            order = np.argsort(lengths[kept], kind="stable")
+            links = links_of(len(q), edges[kept], lengths[kept], False)
+            kept = kept[_spanner(links, order, edges[kept], lengths[kept], stretch)]
+        self.links = links_of(len(q), edges[kept], lengths[kept], roadmap.directed)
+        self.distances, self.components = _distances(self.links, 0 if roadmap.directed else references)
+        self.configurations = q
+        self._graph = Graph(self.motion, q, edges[kept], status[kept], self.links, tree_of(q, self.motion.radius))
+        if len(q):
             # Compiled code is loaded before a clock runs.
-            self.find_path(self.configurations[0].copy(), self.configurations[-1].copy())
+            self.find_path(q[0], q[-1])
 
     def __len__(self) -> int:
         return len(self.configurations)
@@ -90,29 +99,30 @@ class RoadmapSnapshot:
         Args:
             start: valid, shape (3,).
             goal: valid, shape (3,).
-            closed: (c, 3), discs x, y, radius (metres) that may contain no node of the path.
+            closed: (c, 3), discs x, y, radius (metres) that may contain no node of the path; with any, start and goal
+                are not joined directly.
             weight: of the cost to go, >= 1: the path is at most so many times as long as the shortest over the links,
                 and found sooner.
         """
-        n = len(self)
-        with self._scratch() as scratch:
-            found: FloatArray = alt_path(
-                self.motion.kind,
-                self.configurations,
-                self.links,
-                self._table,
-                self.components,
-                self._forest,
-                scratch,
-                start,
-                goal,
-                NO_DISCS if closed is None else closed,
-                min(n, NEIGHBOURS),
-                min(n, MAX_NEIGHBOURS),
-                float(weight),
-                self.motion.directed,
-            )
-        return found if len(found) else None
+        ends, banned = np.array([start, goal]), None
+        if closed is not None and len(closed):
+            gaps = np.hypot(*(self.configurations[:, None, :2] - closed[:, :2]).transpose(2, 0, 1))
+            banned = (gaps < closed[:, 2]).any(axis=1)
+        elif self.motion.direct_is_best and self.motion.motions_between_valid(ends[:1], ends[1:])[0]:
+            return ends
+        for tried in NEIGHBOURS:
+            enough = JOINED if tried == NEIGHBOURS[0] else tried
+            first, last = (join(self._graph, q, tried, enough, reverse=i == 1) for i, q in enumerate(ends))
+            if set(self.components[first.nodes].tolist()) & set(self.components[last.nodes].tolist()):
+                nodes = self._shortest(first, last, ends[1], weight, banned)
+                if len(nodes):
+                    return np.vstack([ends[:1], self.configurations[nodes], ends[1:]])
+                # Links that lead one way only may still not lead from one end to the other.
+                if not self.motion.directed:
+                    return None
+            if tried >= len(self):
+                return None
+        return None
 
     def between(self, start: int, goal: int) -> FloatArray | None:
         """Return the states, shape (p, 3), of the shortest path over the links from a node to a node, or None.
@@ -125,22 +135,105 @@ class RoadmapSnapshot:
             ConfigurationError: a node that does not exist.
         """
         require_nodes([start, goal], len(self))
-        q = self.configurations
-        first, last = (np.array([node], dtype=np.int64) for node in (start, goal))
-        with self._scratch() as scratch:
-            found: FloatArray = alt_search(
-                self.motion.kind, q, self.links, self._table, scratch, q[start], q[goal], NO_DISCS, first, last, 1.0
-            )
-        # Each end is joined to itself, and so comes twice.
-        return found[1:-1] if len(found) else None
+        nodes = self._shortest(only(start), only(goal), self.configurations[goal], 1.0, None)
+        return self.configurations[nodes] if len(nodes) else None
 
-    @contextmanager
-    def _scratch(self) -> Iterator[FloatArray]:
-        """Lend the memory that a search writes to one thread at a time."""
-        try:
-            scratch = self._idle.pop()
-        except IndexError:
-            scratch = np.zeros((len(self) + 1, COLUMNS))
-        yield scratch
-        # After an exception it is not used again.
-        self._idle.append(scratch)
+    def _shortest(
+        self, first: EndNodes, last: EndNodes, goal: FloatArray, weight: float, banned: NDArray[np.bool_] | None
+    ) -> NDArray[np.int64]:
+        """Return the nodes of a shortest path from one of the first to one of the last; none if there is none."""
+        if banned is not None:
+            first, last = (
+                EndNodes(end.nodes[~banned[end.nodes]], end.costs[~banned[end.nodes]]) for end in (first, last)
+            )
+        if not (len(first.nodes) and len(last.nodes)):
+            return np.empty(0, np.int64)
+        return search(self._graph, first, last, weight * self._to_go(first, last, goal), banned=banned).nodes
+
+    def _to_go(self, first: EndNodes, last: EndNodes, goal: FloatArray) -> FloatArray:
+        """Return a lower bound (metres) on the cost from each node to the goal over the links, shape (n,).
+
+        With nodes g and motions of cost w to the goal, d(v, goal) = min (d(v, g) + w). For a reference node r that is
+        at least min (d(r, g) + w) - d(r, v), and at least d(r, v) - max (d(r, g) - w).
+        """
+        bound = _least_costs(self.motion.kind, self.configurations, goal)
+        final, begin = self.distances[:, last.nodes], self.distances[:, first.nodes]
+        low, high = (final + last.costs).min(axis=1), (final - last.costs).max(axis=1)
+        # Not all nodes are reached from all reference nodes.
+        known = np.isfinite(begin) & (np.isfinite(low) & np.isfinite(high))[:, None]
+        with np.errstate(invalid="ignore"):
+            gains = np.maximum(low[:, None] - begin, begin - high[:, None])
+        gain = np.where(known, gains, -1.0).max(axis=1)
+        for r in np.argsort(-gain, kind="stable")[:ACTIVE]:
+            if gain[r] > 0.0:
+                distance = self.distances[r]
+                np.maximum(bound, np.maximum(np.float32(low[r]) - distance, distance - np.float32(high[r])), out=bound)
+        # These are rounded to 24 bits.
+        return bound * (1.0 - 1e-6)
+
+
+@njit(nogil=True)
+def _least_costs(kind: Any, q: FloatArray, goal: FloatArray) -> FloatArray:
+    found = np.empty(len(q))
+    for i in range(len(q)):
+        found[i] = least_cost(kind, q[i], goal)
+    return found
+
+
+@njit(nogil=True)
+def _spanner(
+    links: Links, order: NDArray[np.int64], edges: NDArray[np.int32], lengths: FloatArray, stretch: float
+) -> NDArray[np.bool_]:
+    """Return which edges remain, shape (m,), when those that two shorter ones can replace are left out.
+
+    In their order, from the shortest to the longest, one is left out if a path over two edges that remain is at most
+    ``stretch`` times as long: so no distance grows by more than that factor. The links are overwritten.
+    """
+    n = len(links.start) - 1
+    remaining = np.zeros(len(edges), np.bool_)
+    # Each node's links so far are written to the beginning of its range.
+    node, length, end = links.node, links.length, links.start[:-1].copy()
+    marked, distance = np.full(n, -1, np.int64), np.empty(n)
+    for e in order:
+        a, b, limit = edges[e, 0], edges[e, 1], stretch * lengths[e]
+        for k in range(links.start[a], end[a]):
+            marked[node[k]], distance[node[k]] = e, length[k]
+        found = False
+        for k in range(links.start[b], end[b]):
+            if marked[node[k]] == e and distance[node[k]] + length[k] <= limit:
+                found = True
+                break
+        if not found:
+            remaining[e] = True
+            node[end[a]], length[end[a]] = b, lengths[e]
+            node[end[b]], length[end[b]] = a, lengths[e]
+            end[a] += 1
+            end[b] += 1
+    return remaining
+
+
+def _distances(links: Links, references: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Return the distances from reference nodes to all nodes, shape (r, n), and each node's component, shape (n,).
+
+    The first reference node is the one farthest from an arbitrary node, each further one is the farthest from those
+    before it. Where no path leads, distances are infinite.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components, dijkstra
+
+    n = len(links.start) - 1
+    if n == 0:
+        return np.empty((0, 0), np.float32), np.empty(0, np.int64)
+    matrix = csr_array((links.length, links.node, links.start), shape=(n, n))
+    components = connected_components(matrix, directed=False)[1]
+    sizes = np.bincount(components)[components]
+    nearest = np.where(sizes >= max(2.0, LARGE_SHARE * n), np.inf, -1.0)
+    found: list[NDArray[np.float32]] = []
+    distance = dijkstra(matrix, indices=[int(np.argmax(sizes))])[0]
+    node = int(np.argmax(np.where(np.isfinite(distance), distance, -1.0)))
+    while len(found) < references and nearest[node] > 0.0:
+        distance = dijkstra(matrix, indices=[node])[0]
+        found.append(distance.astype(np.float32))
+        nearest = np.minimum(nearest, distance)
+        node = int(np.argmax(nearest))
+    return np.array(found, dtype=np.float32).reshape(-1, n), components.astype(np.int64)

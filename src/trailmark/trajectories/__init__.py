@@ -2,7 +2,6 @@
 
 from trailmark.trajectories.pieces import Pieces
 from trailmark.trajectories.smooth import SmoothPath
-from trailmark.trajectories.time_law import Limits
-from trailmark.trajectories.trajectory import Trajectory, timed
+from trailmark.trajectories.trajectory import Limits, Trajectory, timed
 
 __all__ = ["Limits", "Pieces", "SmoothPath", "Trajectory", "timed"]

@@ -1,4 +1,4 @@
-"""Pieces: the curves that paths are driven along, each given by a formula, with derivatives and bounds on them.
+"""Pieces: the curves that paths are driven along, each given by a formula, with bounds on them, and their certificates.
 
 A piece is either a parabola in (x, y, theta), of which a straight motion is a special case, or it is driven along the
 heading, which changes as a quadratic function of the distance driven: a straight line, an arc, or a clothoid. Every
@@ -15,11 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.collision.certify import CONTACT
 from trailmark.curves import CurvePath
+from trailmark.motion.one_way import one_ways, straight_allowed
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
 
-__all__ = ["Pieces", "joined", "pieces_of", "straight"]
+__all__ = [
+    "FINER",
+    "Pieces",
+    "certified",
+    "dense_places",
+    "joined",
+    "one_way_respected",
+    "pieces_of",
+    "row_counts",
+    "straight",
+]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 """Gauss and Legendre's quadrature: exact to rounding for pieces that turn by less than two turns."""
@@ -32,6 +45,13 @@ NEGLIGIBLE = 1e-100
 
 SMOOTH = 1e-6
 """Velocities, relative to the speed, and turn rates (radians a metre) that differ by no more count as the same."""
+
+CHORD, FINER = 1e-4, 32
+"""Metres: largest distance of a point of the robot on a curved piece from where it is on the rows' straight motions.
+Times as many rows that a piece has which comes nearer to obstacles or one-way zones than that."""
+
+MAX_STATES = 4_000
+"""Configurations evaluated for one piece; one that needs more is not certified."""
 
 
 class Pieces(NamedTuple):
@@ -175,3 +195,93 @@ def _driven(path: CurvePath) -> Pieces:
     if not rows:
         return straight(path.knots[:0], path.knots[:0])
     return Pieces(*map(np.concatenate, zip(*rows, strict=True)))
+
+
+# --- Certificates: no configuration along pieces collides, none travels against a one-way zone.
+
+
+def row_counts(pieces: Pieces, reach: float) -> NDArray[np.intp]:
+    """Return into how many straight motions each piece (n,) is cut so that none is off by more than :data:`CHORD`.
+
+    Args:
+        pieces: of a path.
+        reach: largest distance (metres) of the robot's outline from its reference point.
+    """
+    # Half of it is left for rounding.
+    parts = pieces.length * np.sqrt(pieces.bend(reach) / (4.0 * CHORD))
+    return np.maximum(1, np.ceil(parts)).astype(np.intp)
+
+
+def certified(checker: StateChecker, pieces: Pieces) -> NDArray[np.bool_]:
+    """Return which pieces, shape (n,), are certified free of collision, and the straight motions of their rows too.
+
+    Free means that they keep the clearance that the checker's robot is to keep.
+
+    As :mod:`trailmark.collision.certify` does it: a configuration with clearance d certifies the piece for as far as no
+    point of the robot moves by more than d. Here :data:`CHORD` is taken off d, so that the straight motions from row to
+    row are as free as the curve.
+    """
+    n = len(pieces.length)
+    reach, kept = checker.footprint.sweep_radius, checker.robot.clearance
+    piece = np.arange(n)
+    # Of a linear or constant derivative, the norm is largest at an end.
+    rates = [np.abs(pieces.derivatives(piece, s)[0]) for s in (np.zeros(n), pieces.length)]
+    rate = np.maximum(*(np.hypot(*first[:, :2].T) + reach * first[:, 2] for first in rates))
+    low, high = np.zeros(n), pieces.length.copy()
+    free, used = np.ones(n, np.bool_), np.zeros(n, np.intp)
+    while len(piece):
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        need = rate[piece] * half + CHORD + CONTACT
+        d = np.asarray(checker.clearance(pieces.states(piece, middle), cap=float(need.max()) + kept)) - kept
+        used += np.bincount(piece, minlength=n)
+        free[piece[d <= CHORD + CONTACT]] = False
+        free[used > MAX_STATES] = False
+        left = (d < need) & free[piece]
+        piece, low, middle, high = piece[left], low[left], middle[left], high[left]
+        part = (d[left] - CHORD - CONTACT) / rate[piece]
+        low, high = np.concatenate([low, middle + part]), np.concatenate([middle - part, high])
+        piece = np.concatenate([piece, piece])
+    return free
+
+
+def dense_places(pieces: Pieces, count: NDArray[np.intp]) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return piece and s of the places where each piece's equal parts begin, shape (m,)."""
+    piece = np.repeat(np.arange(len(count)), count)
+    within = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
+    return piece, pieces.length[piece] * within / count[piece]
+
+
+def one_way_respected(checker: StateChecker, pieces: Pieces, finer: int = FINER) -> NDArray[np.bool_]:
+    """Return which pieces, shape (n,), travel as the world's one-way zones allow, by straight motions along them.
+
+    Each may go in any direction between the curve's at its ends: by as much its own one must be farther from those that
+    are not allowed.
+
+    Args:
+        checker: of the world.
+        pieces: of a path.
+        finer: times as many of them as there are rows on a curved piece.
+    """
+    zones, n = one_ways(checker.world.zones), len(pieces.length)
+    respected = np.ones(n, np.bool_)
+    if len(zones.headings) == 0 or n == 0:
+        return respected
+    count = row_counts(pieces, checker.footprint.sweep_radius)
+    count = np.where(count > 1, finer * count, 1)
+    piece, s = dense_places(pieces, count)
+    end = s + pieces.length[piece] / count[piece]
+    a, b = pieces.states(piece, s), pieces.states(piece, end)
+    along = [np.arctan2(v[:, 1], v[:, 0]) for v in (pieces.derivatives(piece, at)[0] for at in (s, end))]
+    spread = np.abs(se2.wrap(along[1] - along[0]))
+    for i in np.flatnonzero(_near(zones.boxes, a, b)):
+        if respected[piece[i]]:
+            narrower = zones._replace(tolerances=zones.tolerances - spread[i])
+            respected[piece[i]] = straight_allowed(narrower, a[i], b[i])
+    return respected
+
+
+def _near(boxes: FloatArray, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+    """Return which straight motions between states, shape (m, 3), may meet one of some boxes, shape (k, 4)."""
+    low, high = np.minimum(a, b)[:, None, :2], np.maximum(a, b)[:, None, :2]
+    meets = np.asarray((low <= boxes[:, 2:]) & (high >= boxes[:, :2]))
+    return np.asarray(np.any(np.all(meets, axis=2), axis=1))

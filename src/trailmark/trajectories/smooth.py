@@ -15,15 +15,18 @@ from trailmark.errors import ConfigurationError
 from trailmark.motion import motion_of
 from trailmark.path import Path, fractions
 from trailmark.se2 import FloatArray
-from trailmark.trajectories.certificate import certified, dense_places, one_way_respected, row_counts
-from trailmark.trajectories.pieces import Pieces, joined
-from trailmark.trajectories.rounding import rounded
-from trailmark.trajectories.transitions import with_transitions
+from trailmark.trajectories.pieces import (
+    FINER,
+    Pieces,
+    certified,
+    dense_places,
+    joined,
+    one_way_respected,
+    row_counts,
+)
+from trailmark.trajectories.rounding import rounded, with_transitions
 
 __all__ = ["SmoothPath", "smoothed"]
-
-FINER = 32
-"""Times as many states on a curved piece that comes nearer to obstacles or one-way zones than chords may be off it."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,5 +167,5 @@ def smoothed(path: Path, checker: StateChecker, max_curvature: float) -> SmoothP
     else:
         pieces = rounded(checker, motion.path(path.states), max_curvature)
     rows = row_counts(pieces, checker.footprint.sweep_radius)
-    near = (rows > 1) & ~(certified(checker, pieces) & one_way_respected(pieces, checker.world.zones))
+    near = (rows > 1) & ~(certified(checker, pieces) & one_way_respected(checker, pieces, 1))
     return SmoothPath(path.states[0], path.states[-1], pieces, np.where(near, FINER * rows, rows))

@@ -1,5 +1,9 @@
 """Conservative advancement: motions certified against edges, in intervals that are halved until nothing may meet.
 
+Two edges are kept apart by the strip across the line between their nearest points. Along that line an end r of the
+robot's edge moves in an interval by n·(v + turn·z×r) and, to second order, ``bend`` + |r|·turn²/2 at most: v and
+``turn`` half of the way and of the turn in it, ``bend`` what the way leaves its tangent by.
+
 Source: Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996.
 """
 
@@ -11,15 +15,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
+from trailmark.jit import array_callee, callee, njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["Close", "Way", "least_distance", "may_meet", "meetings"]
+__all__ = ["Close", "Way", "least_distance", "meetings"]
 
 SMALLEST_MOVE = 1e-9
 """Metres that the robot moves in an interval that is halved no more: it meets an edge there."""
 
+DEEPEST = 128
+"""Intervals that wait to be looked at, at most."""
+
 IntArray = NDArray[np.int64]
+Four = tuple[float, float, float, float]
 
 
 class Way(NamedTuple):
@@ -55,15 +63,17 @@ class Close(NamedTuple):
     edges: FloatArray
 
 
-@njit(cache=True, nogil=True)
-def meetings(
-    body: FloatArray,
-    radius: float,
-    way: Way,
-    close: Close,
-    resolution: float,
-    most: int,
-) -> FloatArray:
+class _Body(NamedTuple):
+    """The robot: its edges (b, 4), what they are thickened by, how far they reach, and room for them in place."""
+
+    edges: FloatArray
+    radius: float
+    sweep: float
+    placed: FloatArray
+
+
+@njit(nogil=True)
+def meetings(body: FloatArray, radius: float, way: Way, close: Close, resolution: float, most: int) -> FloatArray:
     """Return the intervals in which the robot's edges meet others, rows (motion, from, to), the latter two as shares.
 
     They come in no order, and may abut. Between them it is certain that none meet: intervals of which that is not
@@ -77,162 +87,172 @@ def meetings(
         resolution: metres by which the ends of intervals may be off.
         most: intervals that are enough.
     """
-    rows, count = np.empty((16, 3)), 0
+    rows, count, robot = np.empty((16, 3)), 0, _Body(body, radius, _reach(body), np.empty_like(body))
     near, n, group = np.empty(1024, np.int64), 0, -1
-    low, high = np.empty(128), np.empty(128)
-    begins, ends = np.empty(128, np.int64), np.empty(128, np.int64)
-    placed, sweep = np.empty_like(body), _reach(body)
+    shares, edges = np.empty((DEEPEST, 2)), np.empty((DEEPEST, 2), np.int64)
     for i in range(len(way.starts)):
         if close.groups[i] != group:
             group = close.groups[i]
             near, n = _edges_near(near, close, group)
-        low[0], high[0], begins[0], ends[0], depth = 0.0, 1.0, 0, n, 1
+        shares[0, 0], shares[0, 1], edges[0, 0], edges[0, 1], depth = 0.0, 1.0, 0, n, 1
         while depth > 0:
             depth -= 1
-            begin, end = begins[depth], ends[depth]
-            half, middle = 0.5 * (high[depth] - low[depth]), 0.5 * (low[depth] + high[depth])
-            x, y, vx, vy, turn, bend = _interval(body, way, i, middle, half, placed)
-            while 2 * end - begin > len(near):
-                near = _doubled(near)
-            farthest, left, overlap = sweep + radius + hypot(vx, vy) + bend, end, -np.inf
-            for k in range(begin, end):
-                e = near[k]
-                ax, ay, bx, by = (
-                    close.edges[e, 0] - x,
-                    close.edges[e, 1] - y,
-                    close.edges[e, 2] - x,
-                    close.edges[e, 3] - y,
-                )
-                thick = close.edges[e, 4] + radius
-                if _nearest(0.0, 0.0, ax, ay, bx, by)[0] - close.edges[e, 4] > farthest:
-                    continue
-                if may_meet(placed, ax, ay, bx, by, thick, vx, vy, turn, bend):
-                    overlap = max(overlap, _overlap(placed, ax, ay, bx, by, thick))
-                    near[left] = e
-                    left += 1
+            low, high, end = shares[depth, 0], shares[depth, 1], edges[depth, 1]
+            half, middle = 0.5 * (high - low), 0.5 * (low + high)
+            near, left, overlap, moved = _look(robot, way, close, i, (low, high), 0.0, 0.0, near, edges[depth, 0], end)
             if left == end:
                 continue
-            moved = hypot(vx, vy) + bend + sweep * abs(turn)
             # What is that near to contact overlaps, as far as rounding tells.
             whole = overlap >= moved or (overlap > -SMALLEST_MOVE and 2.0 * moved <= resolution)
-            whole |= moved < SMALLEST_MOVE or depth + 2 > len(low)
-            if whole or overlap > 0.0:
+            whole |= moved < SMALLEST_MOVE or depth + 2 > DEEPEST
+            part = half if whole else max(0.0, half * overlap / moved)
+            if whole or part > 0.0:
                 if count == len(rows):
                     more = np.empty((2 * count, 3))
                     more[:count] = rows
                     rows = more
-                part = half if whole else half * overlap / moved
                 rows[count, 0], rows[count, 1], rows[count, 2] = i, middle - part, middle + part
                 count += 1
                 if count == most:
                     return rows[:count]
-                if whole:
-                    continue
-                half = part
-            else:
-                half = 0.0
-            # The first part on top: what comes first is found first.
-            low[depth + 1], high[depth + 1], begins[depth + 1], ends[depth + 1] = low[depth], middle - half, end, left
-            low[depth], begins[depth], ends[depth] = middle + half, end, left
-            depth += 2
+            if not whole:
+                depth = _push(shares, edges, depth, (low, middle - part, middle + part, high), end, left)
     return rows[:count]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def least_distance(
-    body: FloatArray,
-    radius: float,
-    way: Way,
-    close: Close,
-    cap: float,
-    tolerance: float,
+    body: FloatArray, radius: float, way: Way, close: Close, cap: float, tolerance: float
 ) -> tuple[float, int, float]:
     """Return how near the robot's edges come to others, and where: metres, motion and share of it.
 
     It is the distance at that place, and the true one at most the tolerance less. The motion is -1 if none is nearer
-    than ``cap``. Arguments not told here are those of :func:`meetings`.
-
-    Args:
-        body: likewise.
-        radius: likewise.
-        way: likewise.
-        close: likewise.
-        cap: metres; larger distances are not sought.
-        tolerance: metres, above 0.
+    than ``cap`` (metres). The tolerance is in metres, above 0; other arguments are those of :func:`meetings`.
     """
-    best, motion, share = cap, -1, 0.0
+    best, motion, share, robot = cap, -1, 0.0, _Body(body, radius, _reach(body), np.empty_like(body))
     near, n, group = np.empty(1024, np.int64), 0, -1
-    low, high = np.empty(128), np.empty(128)
-    begins, ends = np.empty(128, np.int64), np.empty(128, np.int64)
-    placed, sweep = np.empty_like(body), _reach(body)
+    shares, edges = np.empty((DEEPEST, 2)), np.empty((DEEPEST, 2), np.int64)
+    last = len(way.starts) - 1
     # The ends of all motions first: then most of what lies between them needs no close look.
-    for between in (False, True):
-        for i in range(len(way.starts)):
-            if close.groups[i] != group:
-                group = close.groups[i]
-                near, n = _edges_near(near, close, group)
-            low[0], high[0], begins[0], ends[0], depth = 0.0, 1.0, 0, n, 1
-            if not between:
-                high[0] = 0.0
-                if i == len(way.starts) - 1:
-                    low[1], high[1], begins[1], ends[1], depth = 1.0, 1.0, 0, n, 2
-            while depth > 0 and (best > tolerance or not between):
-                depth -= 1
-                begin, end = begins[depth], ends[depth]
-                half, middle = 0.5 * (high[depth] - low[depth]), 0.5 * (low[depth] + high[depth])
-                x, y, vx, vy, turn, bend = _interval(body, way, i, middle, half, placed)
-                while 2 * end - begin > len(near):
-                    near = _doubled(near)
-                farthest, left = sweep + radius + hypot(vx, vy) + bend, end
-                for k in range(begin, end):
-                    e = near[k]
-                    ax, ay, bx, by = (
-                        close.edges[e, 0] - x,
-                        close.edges[e, 1] - y,
-                        close.edges[e, 2] - x,
-                        close.edges[e, 3] - y,
-                    )
-                    thick = close.edges[e, 4] + radius
-                    if _nearest(0.0, 0.0, ax, ay, bx, by)[0] - close.edges[e, 4] > farthest + best:
-                        continue
-                    found = max(0.0, -_overlap(placed, ax, ay, bx, by, thick))
-                    if found < best:
-                        best, motion, share = found, i, middle
-                    near[left] = e
-                    left += 1
-                if not between:
-                    continue
-                kept = end
-                for k in range(end, left):
-                    e = near[k]
-                    ax, ay, bx, by = (
-                        close.edges[e, 0] - x,
-                        close.edges[e, 1] - y,
-                        close.edges[e, 2] - x,
-                        close.edges[e, 3] - y,
-                    )
-                    # Whether it may come nearer than what is known.
-                    thick = close.edges[e, 4] + radius + best - tolerance
-                    if may_meet(placed, ax, ay, bx, by, thick, vx, vy, turn, bend):
-                        near[kept] = e
-                        kept += 1
-                if kept > end and depth + 2 <= len(low):
-                    low[depth + 1], high[depth + 1], begins[depth + 1], ends[depth + 1] = low[depth], middle, end, kept
-                    low[depth], begins[depth], ends[depth] = middle, end, kept
-                    depth += 2
+    for step in range(2 * last + 3):
+        between = step > last + 1
+        i = step - last - 2 if between else min(step, last)
+        if close.groups[i] != group:
+            group = close.groups[i]
+            near, n = _edges_near(near, close, group)
+        shares[0, 0], shares[0, 1], edges[0, 0], edges[0, 1], depth = 0.0, 1.0, 0, n, 1
+        if not between:
+            shares[0] = 1.0 if step > last else 0.0
+        while depth > 0 and (best > tolerance or not between):
+            depth -= 1
+            low, high, end = shares[depth, 0], shares[depth, 1], edges[depth, 1]
+            middle = 0.5 * (low + high)
+            span, slack = (low, high), best - tolerance
+            near, left, overlap, _ = _look(robot, way, close, i, span, best, slack, near, edges[depth, 0], end)
+            if max(0.0, -overlap) < best:
+                best, motion, share = max(0.0, -overlap), i, middle
+            if between and left > end and depth + 2 <= DEEPEST:
+                depth = _push(shares, edges, depth, (low, middle, middle, high), end, left)
     return best, motion, share
 
 
-@njit(cache=True)
+@callee
+def _push(shares: FloatArray, edges: IntArray, depth: int, spans: Four, begin: int, end: int) -> int:
+    """Put two intervals on the stack, the first on top, with the edges to look at; return its new height."""
+    for k in range(2):
+        shares[depth + 1 - k, 0], shares[depth + 1 - k, 1] = spans[2 * k], spans[2 * k + 1]
+        edges[depth + k, 0], edges[depth + k, 1] = begin, end
+    return depth + 2
+
+
+@array_callee
+def _look(
+    robot: _Body,
+    way: Way,
+    close: Close,
+    i: int,
+    span: tuple[float, float],
+    far: float,
+    slack: float,
+    near: IntArray,
+    begin: int,
+    end: int,
+) -> tuple[IntArray, int, float, float]:
+    """Look at an interval of a motion: write which edges may come near in it behind those that are looked at.
+
+    Args:
+        robot: likewise.
+        way: the motions.
+        close: the edges near them.
+        i: which motion.
+        span: shares of it from which and to which the interval goes.
+        far: metres from the robot from which on edges make no difference.
+        slack: metres, nearer than which an edge may come that is written.
+        near: edges.
+        begin: where those that are looked at begin.
+        end: where they end.
+
+    Returns:
+        The edges, in a larger array if need be, and where those written end; how far the robot's edges may move from
+        the interval's middle and surely still meet one of them, below 0 their distance; and how far they do move.
+    """
+    x, y, move = _interval(robot, way, i, 0.5 * (span[0] + span[1]), 0.5 * (span[1] - span[0]))
+    while 2 * end - begin > len(near):
+        near = _doubled(near)
+    straight = hypot(move[0], move[1]) + move[3]
+    farthest, left, overlap = robot.sweep + robot.radius + straight + far, end, -np.inf
+    for k in range(begin, end):
+        ax, ay, bx, by, thick = close.edges[near[k]]
+        edge = (ax - x, ay - y, bx - x, by - y)
+        if _nearest(0.0, 0.0, edge)[0] - thick <= farthest:
+            deep, may = _beside(robot.placed, edge, thick + robot.radius, slack, move)
+            overlap = max(overlap, deep)
+            if may:
+                near[left] = near[k]
+                left += 1
+    return near, left, overlap, straight + robot.sweep * abs(move[2])
+
+
+@callee
+def _beside(placed: FloatArray, edge: Four, radius: float, slack: float, move: Four) -> tuple[float, bool]:
+    """Return how far the robot may move and surely still meet an edge, and whether it may come near it.
+
+    The first is below 0 their distance; two that cross do so until an end of one comes upon the other. The second is
+    False only if they stay farther apart than ``slack`` all along the interval.
+
+    Args:
+        placed: (b, 4) the robot's edges about its reference point in the middle of the interval.
+        edge: x and y of either end about the same point, metres.
+        radius: by which the edges are thickened together, metres.
+        slack: metres.
+        move: half of the way in the interval, x and y in metres; half of the turn in it, radians; metres by which the
+            way leaves its tangent at most.
+    """
+    overlap, may = -np.inf, False
+    vx, vy, turn, bend = move
+    for px, py, qx, qy in placed:
+        own = (px, py, qx, qy)
+        gap, nx, ny = _apart(own, edge)
+        cross = _cross(own, edge)
+        overlap = max(overlap, max(gap, radius) if cross else radius - gap)
+        may = may or cross or gap <= radius + slack
+        behind = max(nx * edge[0] + ny * edge[1], nx * edge[2] + ny * edge[3]) + radius + slack
+        for x, y in ((px, py), (qx, qy)):
+            moved = abs(nx * vx + ny * vy + turn * (ny * x - nx * y)) + bend + 0.5 * turn * turn * hypot(x, y)
+            may = may or nx * x + ny * y - behind <= moved
+    return overlap, may
+
+
+@callee
 def _reach(body: FloatArray) -> float:
     """Return the largest distance of the edges from the reference point, metres."""
     reach = 0.0
-    for k in range(len(body)):
-        reach = max(reach, hypot(body[k, 0], body[k, 1]), hypot(body[k, 2], body[k, 3]))
+    for ax, ay, bx, by in body:
+        reach = max(reach, hypot(ax, ay), hypot(bx, by))
     return reach
 
 
-@njit(cache=True)
+@array_callee
 def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, int]:
     """Return the edges of a group's runs, at the beginning of ``memory``, or of more where that is too little."""
     n = 0
@@ -246,21 +266,19 @@ def _edges_near(memory: IntArray, close: Close, group: int) -> tuple[IntArray, i
     return memory, n
 
 
-@njit(cache=True)
+@array_callee
 def _doubled(array: IntArray) -> IntArray:
     larger = np.empty(2 * len(array), np.int64)
     larger[: len(array)] = array
     return larger
 
 
-@njit(cache=True)
-def _interval(
-    body: FloatArray, way: Way, i: int, middle: float, half: float, placed: FloatArray
-) -> tuple[float, float, float, float, float, float]:
-    """Return where the robot is in the middle of an interval of motion ``i``, and half of how it moves in it.
+@array_callee
+def _interval(robot: _Body, way: Way, i: int, middle: float, half: float) -> tuple[float, float, Four]:
+    """Return where the robot is in the middle of an interval of motion ``i``, x and y, and half of how it moves in it.
 
-    That is x and y, the way along the tangent, the turn, and how far the way leaves its tangent at most. Its edges
-    about that place are written to ``placed``.
+    The latter is the way along the tangent, the turn, and how far the way leaves its tangent at most. The robot's edges
+    about that place are written to their room.
     """
     start, move, curvature = way.starts[i], way.moves[i], way.curvature[i]
     theta, turn = start[2] + middle * move[2], half * move[2]
@@ -273,92 +291,29 @@ def _interval(
     else:
         vx, vy, bend = half * move[0], half * move[1], 0.0
         x, y = start[0] + middle * move[0], start[1] + middle * move[1]
-    for k in range(len(body)):
-        placed[k, 0], placed[k, 1] = c * body[k, 0] - s * body[k, 1], s * body[k, 0] + c * body[k, 1]
-        placed[k, 2], placed[k, 3] = c * body[k, 2] - s * body[k, 3], s * body[k, 2] + c * body[k, 3]
-    return x, y, vx, vy, turn, bend
+    for k in range(len(robot.edges)):
+        ax, ay, bx, by = robot.edges[k]
+        robot.placed[k, 0], robot.placed[k, 1] = c * ax - s * ay, s * ax + c * ay
+        robot.placed[k, 2], robot.placed[k, 3] = c * bx - s * by, s * bx + c * by
+    return x, y, (vx, vy, turn, bend)
 
 
-@njit(cache=True)
-def may_meet(
-    placed: FloatArray,
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    radius: float,
-    vx: float,
-    vy: float,
-    turn: float,
-    bend: float,
-) -> bool:
-    """Return False if no edge of the robot meets the edge from a to b in an interval of its motion.
-
-    Two edges are kept apart by the strip across the line between their nearest points. Along that line an end r of the
-    robot's edge moves by n·(v + turn·z×r) and, to second order, ``bend`` + |r|·turn²/2 at most.
-
-    Args:
-        placed: (b, 4) the robot's edges about its reference point in the middle of the interval.
-        ax: end of the edge about the same point, metres.
-        ay: likewise.
-        bx: likewise.
-        by: likewise.
-        radius: by which the edges are thickened together, metres.
-        vx: half of the way in the interval, metres.
-        vy: likewise.
-        turn: half of the turn in the interval, radians.
-        bend: metres by which the way leaves its tangent at most.
-    """
-    for k in range(len(placed)):
-        px, py, qx, qy = placed[k, 0], placed[k, 1], placed[k, 2], placed[k, 3]
-        gap, nx, ny = _apart(px, py, qx, qy, ax, ay, bx, by)
-        if gap <= radius or _cross(px, py, qx, qy, ax, ay, bx, by):
-            return True
-        behind = max(nx * ax + ny * ay, nx * bx + ny * by) + radius
-        along = nx * vx + ny * vy
-        for x, y in ((px, py), (qx, qy)):
-            moved = abs(along + turn * (ny * x - nx * y)) + bend + 0.5 * turn * turn * hypot(x, y)
-            if nx * x + ny * y - behind <= moved:
-                return True
-    return False
-
-
-@njit(cache=True)
-def _overlap(placed: FloatArray, ax: float, ay: float, bx: float, by: float, radius: float) -> float:
-    """Return how far (metres) the robot's edges may move and surely still meet the edge from a to b.
-
-    Negative is their distance. Two that cross each other do so until an end of one comes upon the other. Arguments are
-    those of :func:`may_meet`.
-    """
-    most = -np.inf
-    for k in range(len(placed)):
-        px, py, qx, qy = placed[k, 0], placed[k, 1], placed[k, 2], placed[k, 3]
-        gap = _apart(px, py, qx, qy, ax, ay, bx, by)[0]
-        most = max(most, max(gap, radius) if _cross(px, py, qx, qy, ax, ay, bx, by) else radius - gap)
-    return most
-
-
-@njit(cache=True)
-def _apart(
-    px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float
-) -> tuple[float, float, float]:
-    """Return how near an end of the segments pq and ab comes to the other one, and the direction from ab to pq."""
-    gap, nx, ny = _nearest(px, py, ax, ay, bx, by)
-    other, ox, oy = _nearest(qx, qy, ax, ay, bx, by)
-    if other < gap:
-        gap, nx, ny = other, ox, oy
-    other, ox, oy = _nearest(ax, ay, px, py, qx, qy)
-    if other < gap:
-        gap, nx, ny = other, -ox, -oy
-    other, ox, oy = _nearest(bx, by, px, py, qx, qy)
-    if other < gap:
-        gap, nx, ny = other, -ox, -oy
+@callee
+def _apart(first: Four, second: Four) -> tuple[float, float, float]:
+    """Return how near an end of one segment comes to the other one, and the direction from the second to the first."""
+    gap, nx, ny = np.inf, 0.0, 0.0
+    for one, other, sign in ((first, second, 1.0), (second, first, -1.0)):
+        for k in range(2):
+            distance, x, y = _nearest(one[2 * k], one[2 * k + 1], other)
+            if distance < gap:
+                gap, nx, ny = distance, sign * x, sign * y
     return gap, nx, ny
 
 
-@njit(cache=True)
-def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, float]:
-    """Return the distance of the point p from the segment from a to b, and the direction from there to p."""
+@callee
+def _nearest(px: float, py: float, edge: Four) -> tuple[float, float, float]:
+    """Return the distance of a point from a segment, and the direction from there to it."""
+    ax, ay, bx, by = edge
     dx, dy, wx, wy = bx - ax, by - ay, px - ax, py - ay
     square, along = dx * dx + dy * dy, wx * dx + wy * dy
     if 0.0 < along < square:
@@ -372,11 +327,16 @@ def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -
     return (distance, wx / distance, wy / distance) if distance > 0.0 else (0.0, 0.0, 0.0)
 
 
-@njit(cache=True)
-def _cross(px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return whether the segments from p to q and from a to b cross each other."""
-    first = (qx - px) * (ay - py) - (qy - py) * (ax - px)
-    second = (qx - px) * (by - py) - (qy - py) * (bx - px)
-    third = (bx - ax) * (py - ay) - (by - ay) * (px - ax)
-    fourth = (bx - ax) * (qy - ay) - (by - ay) * (qx - ax)
-    return (first > 0.0) != (second > 0.0) and (third > 0.0) != (fourth > 0.0)
+@callee
+def _cross(first: Four, second: Four) -> bool:
+    """Return whether two segments cross each other."""
+    return _parted(first, second) and _parted(second, first)
+
+
+@callee
+def _parted(line: Four, ends: Four) -> bool:
+    """Return whether the ends of a segment lie on different sides of a line."""
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    a = dx * (ends[1] - line[1]) - dy * (ends[0] - line[0])
+    b = dx * (ends[3] - line[1]) - dy * (ends[2] - line[0])
+    return (a > 0.0) != (b > 0.0)

@@ -1,23 +1,38 @@
-"""Motions: what a path is made of, straight lines and arcs, and places along it."""
+"""Motions: what a path is made of, lines and arcs, with places along it; and where it goes a one-way zone's wrong way.
+
+Zones are looked at by shapely alone.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import NamedTuple
+
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.curves import CurvePath
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
+from trailmark.touching import TOUCHING_TOLERANCE
 from trailmark.verify.advance import Close, Way
+from trailmark.zones import OneWayZone, Zone
 
-__all__ = ["Motions", "merged"]
+__all__ = ["Motions", "OneWayCheck", "WrongWay", "merged"]
 
 MIN_RADIUS = 5e-7
 """Metres: smallest R, so that places along a turn in place are apart for a disc too, of which no point moves."""
 
 ABUTTING = 1e-6
 """Metres: intervals that are nearer to one another are one."""
+
+SLACK, IN_PLACE = 1e-6, 1e-9
+"""Radians by which a direction may be beyond the tolerance, and metres: what is shorter is a turn in place."""
+
+SAGITTA = 0.1 * TOUCHING_TOLERANCE
+"""Metres that an arc may be off the chords that stand for it in a one-way zone."""
 
 
 class Motions:
@@ -126,10 +141,6 @@ class Motions:
             Their states, shape (m + 1, 3); which motion each is a chord of, (m,); and the directions of travel
             (radians) where it begins and where it ends, (m, 2).
         """
-        if not self.arcs.any():
-            straight = np.arctan2(self.way.moves[:, 1], self.way.moves[:, 0])
-            states = np.vstack([self.way.starts, self.poses(self.total)])
-            return states, np.arange(len(self.way.starts)), np.column_stack([straight, straight])
         # The middle of a chord over an angle a is r·(1 - cos(a/2)), about r·a²/8, off an arc of radius r.
         angle = np.sqrt(8.0 * off * np.abs(self.way.curvature))
         count = np.ceil(np.abs(self.way.moves[:, 2]) / np.where(self.arcs, angle, np.inf)).astype(np.intp) + 1
@@ -190,3 +201,67 @@ def _moved(q: FloatArray, length: FloatArray, turn: FloatArray) -> FloatArray:
     x = np.where(arc, radius * (np.sin(heading) - np.sin(q[:, 2])), length * np.cos(q[:, 2]))
     y = np.where(arc, radius * (np.cos(q[:, 2]) - np.cos(heading)), length * np.sin(q[:, 2]))
     return np.column_stack([q[:, 0] + x, q[:, 1] + y, heading])
+
+
+class WrongWay(NamedTuple):
+    """An interval on which a path goes the wrong way.
+
+    Attributes:
+        zone: its index among the world's zones.
+        begin: place on the motions' scale.
+        end: likewise.
+        off: radians between the directions of travel and the zone's heading, at least.
+    """
+
+    zone: int
+    begin: float
+    end: float
+    off: float
+
+
+class OneWayCheck:
+    """Finds where paths travel through one-way zones in a wrong direction.
+
+    Zones are eroded by what counts as touching, which a valid path may.
+
+    Args:
+        zones: of the world.
+    """
+
+    def __init__(self, zones: Iterable[Zone]) -> None:
+        self.zones = {i: zone for i, zone in enumerate(zones) if isinstance(zone, OneWayZone)}
+        self._inside = {
+            i: shapely.buffer(zone.region.shapely(), -TOUCHING_TOLERANCE, join_style="mitre")
+            for i, zone in self.zones.items()
+        }
+        shapely.prepare(list(self._inside.values()))
+
+    def wrong_ways(self, motions: Motions) -> list[WrongWay]:
+        """Return the intervals, zone by zone; of an arc's chord any part may go in the direction that suits best."""
+        if not self.zones:
+            return []
+        states, of, directions = motions.chords(SAGITTA)
+        chord = np.arange(len(of)) - np.searchsorted(of, of)
+        count = np.bincount(of)[of]
+        lines = np.stack([states[:-1, :2], states[1:, :2]], axis=1)
+        lengths = np.hypot(*(lines[:, 1] - lines[:, 0]).T)
+        found = []
+        for i, zone in self.zones.items():
+            off = np.abs(se2.wrap(directions - zone.heading)).min(axis=1)
+            wrong = np.flatnonzero((lengths > IN_PLACE) & (off > zone.tolerance + SLACK))
+            wrong = wrong[shapely.intersects(self._inside[i], shapely.linestrings(lines[wrong]))]
+            rows, least = list[FloatArray](), np.inf
+            for k in wrong.tolist():
+                for part in shapely.get_parts(shapely.intersection(self._inside[i], shapely.LineString(lines[k]))):
+                    if part.length > 0.0:
+                        along = np.hypot(*(shapely.get_coordinates(part) - lines[k, 0]).T) / lengths[k]
+                        shares = (chord[k] + np.minimum([along.min(), along.max()], 1.0)) / count[k]
+                        rows.append(motions.place(of[k], shares))
+                        least = min(least, float(off[k]))
+            found += [WrongWay(i, begin, end, least) for begin, end in merged(np.array(rows))]
+        return found
+
+    def depths(self, zone: int, states: FloatArray) -> FloatArray:
+        """Return how far (metres) the reference point is from a zone's outline, at configurations (n, 3): (n,)."""
+        outline = self.zones[zone].region.shapely().boundary
+        return np.asarray(shapely.distance(outline, shapely.points(states[:, :2])))

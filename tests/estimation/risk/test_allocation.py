@@ -126,11 +126,14 @@ def test_worlds_as_they_were_measured_can_be_grown() -> None:
             ),
             r"expected shares that add up to at most 1, got 1\.2",
         ),
-        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.0), "expected a number above 0 and at most 1,"),
-        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), math.nan), "expected a number above 0 and at most"),
+        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.0), "expected a finite number above 0 and at most 1,"),
+        (
+            lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), math.nan),
+            "expected a finite number above 0 and at most",
+        ),
         (lambda: RiskBound(1.0), "expected a number above 0 and below 1, got 1"),
         (lambda: RiskBound(0.5, np.eye(2)), r"shape \(3, 3\), got \(2, 2\)"),
-        (lambda: RiskBound(0.5, None, -1.0), r"expected metres, 0 or more, got -1\.0"),
+        (lambda: RiskBound(0.5, None, -1.0), r"expected a finite number of 0 or more, got -1\.0 m"),
     ],
 )
 def test_contradictions_are_one_line(make: object, problem: str) -> None:

@@ -11,9 +11,8 @@ import shapely
 from tests.support.trials import trials
 
 from trailmark.collision import StateChecker
-from trailmark.planning.disc_path import disc_path
-from trailmark.planning.grids.grid_tangents import GridTangents
-from trailmark.planning.grids.search import TangentSearch
+from trailmark.planning.grids.grid_tangents import GridTangents, TangentSearch
+from trailmark.planning.pipeline import disc_path
 from trailmark.planning.proofs import LowerBound
 from trailmark.se2 import FloatArray
 from trailmark.world import Robot, World

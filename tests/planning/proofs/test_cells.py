@@ -1,15 +1,21 @@
-"""Cells tile their space, and each knows all that lie across its faces; intervals of whole numbers judge."""
+"""Cells tile their space and know their neighbours; one that counts as blocked holds no valid configuration."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.helpers.cell_oracle import free_somewhere
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
+from trailmark.collision import StateChecker
 from trailmark.planning.proofs.cells import (
+    BLOCKED,
     CHILD,
     COLUMNS,
     LEVEL,
@@ -18,18 +24,21 @@ from trailmark.planning.proofs.cells import (
     I,
     J,
     K,
+    kind_of,
     leaf_at,
     neighbours,
     split,
 )
+from trailmark.planning.proofs.enclosure import Space, core, discs, pivot
+from trailmark.planning.proofs.region import MARGIN
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
 
-DEEPEST = 4
+DEEPEST, FINEST = 4, 9
 
 
 def division(turns: list[int]) -> Division:
-    none, starts = np.empty((0, 2)), np.zeros(LEVELS + 1, np.int64)
-    half, open_ = 0.5 ** np.arange(1, LEVELS + 1, dtype=np.float64), np.zeros(LEVELS)
-    return Division(0.0, 0.0, 3, 2, half, np.array(turns, np.int64), open_, none, np.zeros(1, np.int64), starts)
+    return Division(0.0, 0.0, 3, 2, 0.5 ** np.arange(1, LEVELS + 1, dtype=np.float64), np.array(turns, np.int64))
 
 
 def boxes(cells: NDArray[np.int32], space: Division) -> NDArray[np.int64]:
@@ -72,3 +81,83 @@ def test_neighbours_are_all_that_share_a_part_of_a_face(seed: int) -> None:
         assert set(around[:count].tolist()) - {leaf} == expected - {leaf}
         i, j, k = (box[at, :, 0]).tolist()
         assert leaf_at(cells, space, DEEPEST, i, j, k) == leaf
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["L", "offset", "star", "thin"])
+def test_nothing_in_a_blocked_cell_is_valid(name: str) -> None:
+    robot = ROBOTS[name]
+    world = random_world(5, 25, size=20.0, radii=(0.3, 3.0), discs=0.3, holes=0.2, boundary=True, origin=(-7.0, 3.0))
+    space = Space(StateChecker(world, robot))
+    by, rng = space.blocking(FINEST, 0.1), np.random.default_rng(0)
+    division = by.division
+    inside = []
+    # Of the thin robot a cell takes ten times as long.
+    count = few(200, of=4) if name == "thin" else 200
+    for level in range(FINEST + 1):
+        half, headings = division.half[level], 1 << division.turns[level]
+        cells = np.zeros((count, COLUMNS), np.int32)
+        cells[:, 0] = level
+        cells[:, 1:4] = rng.integers(0, (division.columns << level, division.rows << level, headings), (count, 3))
+        blocked = [kind_of(cells, cell, by) == BLOCKED for cell in range(len(cells))]
+        assert any(blocked) or level < 4
+        # The corners, where what moves the robot adds up, and any others.
+        away = rng.uniform(-1.0, 1.0, (12, 3))
+        away[:8] = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+        halves = np.array([half, half, np.pi / headings])
+        low = np.array([division.x0, division.y0, -np.pi])
+        centres = low + (2 * cells[blocked, 1:4] + 1) * halves
+        inside.append((centres[:, None] + away * halves).reshape(-1, 3))
+    poses = np.concatenate(inside)
+    # The pivot's place against the reference point's.
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x, y = space.pivot
+    q = np.column_stack([poses[:, 0] - c * x + s * y, poses[:, 1] - s * x - c * y, poses[:, 2]])
+    assert len(q) > 13 * count
+    assert Oracle(world, robot).collides(q).all()
+
+
+@pytest.mark.parametrize("name", sorted(set(ROBOTS) - {"disc"}))
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.35])
+def test_a_core_stays_covered_under_all_shifts_and_turns(name: str, share: float) -> None:
+    robot = ROBOTS[name]
+    outline = np.asarray(robot.outline.rings()[0]) - pivot(robot)
+    shift = share * robot.inscribed_disc.radius
+    turn = shift / robot.circumradius
+    rings = core(outline, shift, turn)
+    assert rings
+    rng = np.random.default_rng(0)
+    region = shapely.Polygon(outline)
+    for ring in rings:
+        middle = shapely.Polygon(ring)
+        for extreme in [*np.ndindex(3, 8), *[(None, None)] * 20]:
+            phi = turn * (rng.uniform(-1.0, 1.0) if extreme[0] is None else extreme[0] - 1.0)
+            angle = rng.uniform(0.0, 2.0 * np.pi) if extreme[1] is None else 0.25 * np.pi * extreme[1]
+            moved = shapely.affinity.rotate(region, phi, origin=(0.0, 0.0), use_radians=True)
+            moved = shapely.affinity.translate(moved, shift * np.cos(angle), shift * np.sin(angle))
+            assert shapely.covers(moved, middle)
+            assert shapely.distance(moved.exterior, middle) >= MARGIN - 1e-9
+
+
+@pytest.mark.parametrize("name", sorted(set(ROBOTS) - {"disc"}))
+def test_discs_lie_inside_and_all_over_the_robot(name: str) -> None:
+    robot = ROBOTS[name]
+    region = robot.outline.shapely()
+    found = discs(np.asarray(robot.outline.rings()[0]))
+    assert 4 <= len(found) <= 24
+    assert (np.diff(found[:, 2]) <= 0.0).all()
+    for x, y, r in found:
+        assert region.contains(shapely.Point(x, y))
+        assert region.exterior.distance(shapely.Point(x, y)) >= r
+    # No part of the robot is far from all of them.
+    spread = shapely.distance(shapely.multipoints(found[:, :2]), shapely.points(region.exterior.segmentize(0.1).coords))
+    assert spread.max() < 0.7 * robot.circumradius
+
+
+def test_the_oracle_finds_a_slot_as_narrow_as_a_hundredth_of_the_box() -> None:
+    robot, box = Robot.rectangle(1.0, 0.5), np.array([[0.4, 0.4, 0.4]])
+    for spare, told in ((0.02, True), (-0.02, False)):
+        half = 0.25 + 0.5 * spare
+        walls = tuple(Rectangle((3.013, 3.027 + side * (half + 1.0)), 5.0, 2.0) for side in (-1.0, 1.0))
+        world = World("slot", (0.0, 0.0, 6.0, 6.0), walls)
+        assert free_somewhere(world, robot, np.array([[3.0, 3.0, 0.1]]), box, np.zeros(2)) == told

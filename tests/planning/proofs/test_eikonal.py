@@ -11,7 +11,7 @@ from tests.support.trials import few
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
 from trailmark.motion import WeightedMotion, motion_of
-from trailmark.planning.proofs.weighted_bound import Eikonal
+from trailmark.planning.proofs.eikonal import Eikonal
 from trailmark.robot import Robot
 
 

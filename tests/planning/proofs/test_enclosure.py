@@ -1,20 +1,15 @@
-"""Enclosures are proven where there is no way, and never where there is one."""
+"""Enclosures are proven, and places shut off, where there is no way, and never where there is one."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import replace
 from time import process_time
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import settings as tried
-from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 from tests.helpers.cell_oracle import free_somewhere
-from tests.helpers.oracle import Oracle, motion_states
 from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
@@ -23,7 +18,7 @@ from trailmark.benchmark.public.graded import corner_ends
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs.enclosure import enclosed, enclosure
+from trailmark.planning.proofs.enclosure import enclosed, enclosure, shut_off
 from trailmark.planning.settings import PlannerSettings
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -122,69 +117,12 @@ def test_nothing_is_claimed_where_the_planner_finds_a_path(name: str) -> None:
 
 
 @pytest.mark.slow
-@given(st.integers(0, 2**32 - 1), st.sampled_from(["rectangle", "L", "offset", "star"]))
-@tried(max_examples=few(4, of=2))
-def test_nothing_is_claimed_where_a_grid_has_a_way(seed: int, name: str) -> None:
-    robot = ROBOTS[name]
-    world = random_world(seed, 9, size=8.0, radii=(0.4, 1.6), discs=0.3)
-    oracle = Oracle(world, robot)
-    labels, states = _grid(oracle)
-    largest = np.argmax(np.bincount(labels[labels >= 0])) if (labels >= 0).any() else -1
-    ends = np.flatnonzero((labels == largest) & (labels >= 0))
-    if len(ends) < 2:
-        return
-    rng = np.random.default_rng(seed)
-    checker = StateChecker(world, robot)
-    for _ in range(2):
-        start, goal = states[rng.choice(ends, 2, replace=False)]
-        assert not enclosed(checker, start, goal, seconds=0.3)
-
-
-def _grid(oracle: Oracle) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return configurations on a grid and which of its parts each belongs to, -1 if it collides."""
-    n, turns = 20, 16
-    x, y = (np.linspace(0.2, 7.8, n) for _ in range(2))
-    theta = np.arange(turns) * 2.0 * np.pi / turns - np.pi + 0.1
-    states = np.stack(np.meshgrid(x, y, theta, indexing="ij"), axis=-1).reshape(-1, 3)
-    free = ~oracle.collides(states)
-    index = np.arange(len(states)).reshape(n, n, turns)
-    pairs = [(index[:-1], index[1:]), (index[:, :-1], index[:, 1:]), (index, np.roll(index, -1, axis=2))]
-    edges = np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in pairs])
-    edges = edges[free[edges].all(axis=1)]
-    between = motion_states(states[edges[:, 0]], states[edges[:, 1]], 6)
-    edges = edges[~oracle.collides(between.reshape(-1, 3)).reshape(len(edges), -1).any(axis=1)]
-    near: dict[int, list[int]] = {}
-    for a, b in edges.tolist():
-        near.setdefault(a, []).append(b)
-        near.setdefault(b, []).append(a)
-    labels = np.full(len(states), -1, np.int64)
-    for label, seed in enumerate(np.flatnonzero(free).tolist()):
-        if labels[seed] >= 0:
-            continue
-        labels[seed], queue = label, deque([seed])
-        while queue:
-            for other in near.get(queue.popleft(), []):
-                if labels[other] < 0:
-                    labels[other] = label
-                    queue.append(other)
-    return labels, states
-
-
-@pytest.mark.slow
 def test_time_stop_and_budget_end_it(pocket: tuple[StateChecker, NDArray[np.float64], NDArray[np.float64]]) -> None:
     begin = process_time()
     assert not enclosed(*pocket, seconds=0.03)
     assert process_time() - begin < 0.15
     assert not enclosed(*pocket, stop=lambda: True)
     assert not enclosed(*pocket, budget=2000)
-
-
-def test_discs_are_left_to_the_triangles_and_bad_ends_are_told() -> None:
-    assert not enclosed(StateChecker(wall_with_gap(0.5), Robot.disc(0.4)), (2.0, 2.0, 0.0), (9.0, 2.0, 0.0))
-    with pytest.raises(ConfigurationError, match="goal"):
-        enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), (2.0, 2.0, 0.0), (9.0, math.nan, 0.0))
-    with pytest.raises(ConfigurationError, match="start: expected shape"):
-        enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), np.zeros((2, 3)), (9.0, 2.0, 0.0))
 
 
 @pytest.mark.slow
@@ -201,3 +139,96 @@ def test_ends_that_are_not_valid_prove_nothing() -> None:
     checker = StateChecker(wall_with_gap(2.0), ROBOTS["rectangle"])
     assert not enclosed(checker, (5.5, 0.3, 0.0), (9.0, 2.0, 0.0), seconds=1.0)
     assert not enclosed(checker, (9.0, 2.0, 0.0), (-3.0, 2.0, 0.0), seconds=1.0)
+
+
+def test_discs_are_left_to_the_triangles_and_bad_ends_are_told() -> None:
+    assert not enclosed(StateChecker(wall_with_gap(0.5), Robot.disc(0.4)), (2.0, 2.0, 0.0), (9.0, 2.0, 0.0))
+    with pytest.raises(ConfigurationError, match="goal"):
+        enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), (2.0, 2.0, 0.0), (9.0, math.nan, 0.0))
+    with pytest.raises(ConfigurationError, match="start: expected shape"):
+        enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), np.zeros((2, 3)), (9.0, 2.0, 0.0))
+
+
+@pytest.mark.slow
+def test_a_corner_that_is_just_wide_enough_is_not_called_shut() -> None:
+    # At 45 degrees, where it is longest, a rectangle fits around if length <= 2 (sqrt(2) corridor - width).
+    corridor, width, spare = 0.6, 0.5, 1e-6
+    robot = Robot.rectangle(2.0 * (np.sqrt(2.0) * corridor - width) - spare, width)
+    wall = Rectangle((1.5 + corridor / 2.0, 1.5 + corridor / 2.0), 3.0 - corridor, 3.0 - corridor)
+    checker = StateChecker(World("corner", (0.0, 0.0, 3.0, 3.0), (wall,)), robot)
+    start, forwards, backwards = (2.2, 0.3, 0.0), (0.3, 2.2, -np.pi / 2), (0.3, 2.2, np.pi / 2)
+    assert not enclosed(checker, start, forwards, seconds=5.0)  # it ends by itself before
+    # There is no room to arrive the other way round.
+    assert enclosed(checker, start, backwards)
+
+
+PLACES = np.stack(np.meshgrid(np.arange(0.25, 11.0, 0.5), np.arange(0.25, 5.0, 0.5)), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "start"), [("rectangle", (2.0, 2.0, 0.3)), ("offset", (9.0, 2.0, 0.3))])
+def test_all_of_a_room_is_shut_off_at_once(name: str, start: tuple[float, float, float]) -> None:
+    checker = StateChecker(wall_with_gap(0.5), ROBOTS[name])
+    around = np.array([11.0 - start[0], 2.0])
+    shut = shut_off(checker, np.array(start), around, PLACES, seconds=SECONDS)
+    across = (PLACES[:, 0] - 5.5) * np.sign(start[0] - 5.5) < -1.0
+    turns = np.column_stack([np.repeat(PLACES, 16, axis=0), np.tile(np.arange(16) * np.pi / 8.0 - 3.0, len(PLACES))])
+    fits = np.asarray(checker.valid(turns)).reshape(-1, 16).any(axis=1)
+    assert (across & fits).sum() > 20
+    assert shut[across & fits].all()
+    # Where it is itself it fits, with any heading at some distance from the walls.
+    own = (np.abs(PLACES - [start[0], 2.5]) < 1.0).all(axis=1)
+    assert own.any()
+    assert not shut[own].any()
+
+
+def test_a_place_with_two_headings_that_are_apart_takes_two_enclosures() -> None:
+    # A slot as wide as the robot, shut at both ends: there is no turning round in it.
+    walls = (
+        Rectangle((3.0, 1.3), 2.4, 0.4),
+        Rectangle((3.0, 2.3), 2.4, 0.4),
+        *(Rectangle((x, 1.8), 0.2, 1.4) for x in (1.9, 4.1)),
+    )
+    checker = StateChecker(World("slot", (0.0, 0.0, 6.0, 4.0), walls), Robot.rectangle(0.9, 0.5))
+    place = np.array([[3.0, 1.8]])
+    assert checker.valid((3.0, 1.8, 0.0))
+    assert shut_off(checker, np.array([0.7, 0.7, 0.0]), place[0], place, seconds=SECONDS).all()
+
+
+@pytest.mark.slow
+def test_headings_that_nearly_fit_are_told_from_those_that_do() -> None:
+    # Four things cage the robot, upright; across, it collides by a little more than a centimetre.
+    things = [(3.84, 6.4, 4.0, 6.72), (4.0, 6.4, 4.4, 6.44), (4.38, 7.18, 4.42, 7.2), (4.76, 6.8, 4.84, 7.04)]
+    boxes = tuple(Rectangle(((a + c) / 2.0, (b + d) / 2.0), c - a, d - b) for a, b, c, d in things)
+    robot = replace(Robot.rectangle(0.6, 0.4), clearance=0.057)
+    checker = StateChecker(World("cage", (0.0, 0.0, 19.2, 17.2), boxes), robot)
+    place = np.array([[4.42, 6.82]])
+    assert checker.valid((*place[0], np.pi / 2.0))
+    assert not checker.valid((*place[0], 0.02))
+    assert shut_off(checker, np.array([15.0, 15.0, 0.0]), place[0], place, seconds=SECONDS).all()
+    # Without one of them it gets out.
+    checker = StateChecker(World("cage", (0.0, 0.0, 19.2, 17.2), boxes[:3]), robot)
+    assert not shut_off(checker, np.array([15.0, 15.0, 0.0]), place[0], place, seconds=SECONDS).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", trials(2, of=2))
+def test_no_place_is_shut_off_that_the_planner_gets_to(seed: int) -> None:
+    world = random_world(seed, 20, size=8.0, radii=(0.3, 0.9), discs=0.3)
+    planner, rng = LandmarkPlanner(world, ROBOTS["rectangle"], seed=seed), np.random.default_rng(seed)
+    q = rng.uniform((0, 0, -np.pi), (8, 8, np.pi), (300, 3))
+    q = q[planner.checker.valid(q)]
+    goals = q[1 : 1 + few(16, of=2)]
+    reached = [goal for goal in goals if planner.plan(q[0], goal, 1.0, max_iterations=1).status == "solved"]
+    assert len(reached) > few(8, of=2)
+    for goal in goals[: few(6, of=2)]:
+        shut = shut_off(planner.checker, q[0], goal[:2], q[:, :2], seconds=0.5)
+        assert not shut[0]
+        assert not any(shut[(q == end).all(axis=1)].any() for end in reached)
+
+
+def test_nothing_is_told_of_round_robots_or_without_time() -> None:
+    closed = wall_with_gap(0.3)
+    for robot, seconds in ((Robot.disc(0.4), SECONDS), (ROBOTS["rectangle"], 0.0)):
+        checker = StateChecker(closed, robot)
+        assert not shut_off(checker, np.array([2.0, 2.0, 0.0]), np.array([9.0, 2.0]), PLACES, seconds=seconds).any()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
-from trailmark.checked import Probability, checked_arguments
+from trailmark.arguments import Probability, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 

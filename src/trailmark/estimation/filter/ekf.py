@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.arguments import number_array
-from trailmark.checked import Count, NonNegative, checked, checked_arguments
+from trailmark.arguments import Count, NonNegative, checked, checked_arguments, number_array
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import checked_covariance
 from trailmark.estimation.filter.gain import (

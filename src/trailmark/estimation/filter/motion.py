@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.checked import NonNegative, Positive, checked_fields
+from trailmark.arguments import NonNegative, Positive, checked_fields
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import draw_noise
 from trailmark.se2 import FloatArray, compose, wrap

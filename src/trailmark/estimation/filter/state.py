@@ -11,8 +11,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.arguments import brief, number_array
-from trailmark.checked import checked, checked_arguments, shaped
+from trailmark.arguments import brief, checked, checked_arguments, number_array, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import checked_covariance
 from trailmark.estimation.filter.sensors import SensorModel

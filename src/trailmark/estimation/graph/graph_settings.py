@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trailmark.checked import NonNegative, Positive, checked_fields
+from trailmark.arguments import NonNegative, Positive, checked_fields
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 

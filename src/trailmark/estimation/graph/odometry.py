@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["Motions", "OdometryCalibration", "OdometryTrack", "Readings", "SensorCalibration", "polar_readings"]
@@ -179,7 +179,7 @@ def _merged(
     return times[order], np.concatenate([velocities[1], increments[1]])[order], components[order]
 
 
-@njit(cache=True)
+@njit
 def _put_together(
     pieces: FloatArray, components: FloatArray, bounds: np.ndarray[tuple[int], np.dtype[np.int64]]
 ) -> tuple[FloatArray, FloatArray]:

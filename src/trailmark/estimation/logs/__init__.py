@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path as FilePath
 from typing import Any
 
-from trailmark.checked import checked_arguments
+from trailmark.arguments import checked_arguments
 from trailmark.errors import FormatError, OutputError, expected_name
 from trailmark.estimation.errors import EstimationError, RecordError
 from trailmark.estimation.logs.records import Log, with_own_times

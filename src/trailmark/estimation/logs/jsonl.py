@@ -31,8 +31,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.arguments import brief
-from trailmark.checked import Finite, Positive, Rule, checked, shaped
+from trailmark.arguments import Finite, Positive, Rule, brief, checked, shaped
 from trailmark.errors import FormatError, OutputError, expected_name
 from trailmark.estimation.errors import RecordError
 from trailmark.estimation.filter.covariance import is_covariance

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from math import floor, inf
 
-from trailmark.compiled import njit
+from trailmark.jit import callee
 
 __all__ = ["first_step"]
 
 
-@njit(cache=True)
+@callee
 def first_step(sx, sy, ex, ey):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return a line's first and last column and row, its steps, and at which share of it the next ones begin.
 

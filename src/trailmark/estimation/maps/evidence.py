@@ -7,9 +7,9 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.errors import WorldError
 from trailmark.estimation.maps.cell_walk import first_step
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["EvidenceGrid"]
@@ -108,7 +108,7 @@ class EvidenceGrid:
         return np.asarray(np.asarray(self.origin) + self.cell * (np.column_stack([columns, rows]) + 0.5))
 
 
-@njit(cache=True)
+@njit
 def _trace(hits, passes, variance, x0, y0, cell, start, ends, met, margin, place, heading):  # type: ignore[no-untyped-def]  # numba infers the types
     """Count in the cells along each beam."""
     rows, columns = hits.shape

@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from trailmark.checked import Probability, checked_arguments
+from trailmark.arguments import Probability, checked_arguments
 from trailmark.estimates import FRAMES, Frame
 from trailmark.estimation.errors import EstimationError, NotCertifiedError
 from trailmark.estimation.graph.graph_settings import GraphSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from trailmark.checked import (
+from trailmark.arguments import (
     Count,
     Finite,
     NonNegative,

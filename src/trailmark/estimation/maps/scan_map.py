@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.checked import Numbers, Probability, checked_arguments, shaped
+from trailmark.arguments import Numbers, Probability, checked_arguments, shaped
 from trailmark.errors import WorldError
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Scan

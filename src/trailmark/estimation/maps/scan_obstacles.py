@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.checked import NonNegative, Numbers, Positive, checked_arguments, shaped
+from trailmark.arguments import NonNegative, Numbers, Positive, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.maps.evidence import EvidenceGrid
 from trailmark.estimation.maps.map_settings import MappingSettings

@@ -15,9 +15,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.changes import Change, Changes, Obstacles
-from trailmark.checked import Numbers, Probability, checked_arguments, shaped
-from trailmark.edits import index_of
+from trailmark.arguments import Numbers, Probability, checked_arguments, shaped
+from trailmark.changes import Change, Changes, Obstacles, index_of
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.growth import Spread
 from trailmark.se2 import FloatArray

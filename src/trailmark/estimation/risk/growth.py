@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc, chdtri
 
-from trailmark.checked import NonNegative, Probability, Rule, checked_arguments, shaped
+from trailmark.arguments import NonNegative, Probability, Rule, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape

@@ -17,7 +17,7 @@ import shapely
 from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
-from trailmark.checked import Count, NonNegative, Seed, checked_arguments, shaped
+from trailmark.arguments import Count, NonNegative, Seed, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.swept_region import swept_region
 from trailmark.se2 import FloatArray

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trailmark.compiled import njit
 from trailmark.estimation.logs.records import Scan
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray, compose
 
 __all__ = ["GRAZED", "PointCloud", "joined", "point_cloud", "relative", "surface_cloud", "transformed"]
@@ -78,7 +78,7 @@ def relative(a: FloatArray, b: FloatArray) -> FloatArray:
     return compose(inverse, b)
 
 
-@njit(cache=True)
+@njit
 def _cloud(ranges, first, step, limit):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return points, normals (the narrow axis of the neighbours' scatter, if it is narrow enough) and spacing."""
     n = len(ranges)

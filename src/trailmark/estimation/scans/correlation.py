@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trailmark.compiled import njit
 from trailmark.estimation.scans.local_map import SIGMA, LocalMap
 from trailmark.estimation.scans.matching import NO_PRIOR, Match
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["ELSEWHERE", "Window", "match_covariance", "search"]
@@ -115,7 +115,7 @@ def match_covariance(
     return covariance + FREE**2 * np.outer(open_way, open_way), True
 
 
-@njit(cache=True)
+@callee
 def _sum(level, xs, ys, dx, dy):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return the sum of one resolution's likelihood over cells, moved by (dx, dy) cells."""
     rows, columns = level.shape
@@ -127,7 +127,7 @@ def _sum(level, xs, ys, dx, dy):  # type: ignore[no-untyped-def]  # numba infers
     return total
 
 
-@njit(cache=True)
+@callee
 def _cells(points, x, y, theta, x0, y0, cell, xs, ys):  # type: ignore[no-untyped-def]  # numba infers the types
     """Write the column and the row of each point under a pose."""
     c, s = cos(theta), sin(theta)
@@ -136,13 +136,13 @@ def _cells(points, x, y, theta, x0, y0, cell, xs, ys):  # type: ignore[no-untype
         ys[i] = floor((y + s * points[i, 0] + c * points[i, 1] - y0) / cell)
 
 
-@njit(cache=True)
+@callee
 def _nearest_square(low, high):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return the smallest square of the whole numbers from ``low`` to ``high``."""
     return 0.0 if low <= 0 <= high else float(min(low * low, high * high))
 
 
-@njit(cache=True)
+@njit
 def _search(levels, x0, y0, cell, points, guess, cells, turns, step, top, weights, min_score, other):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return the best pose of the lattice, its score less the guess's penalty, and that penalty, by branch and bound.
 
@@ -210,7 +210,7 @@ def _search(levels, x0, y0, cell, points, guess, cells, turns, step, top, weight
     return place, best, lost
 
 
-@njit(cache=True)
+@njit
 def _surface(likelihood, x0, y0, cell, points, pose, cells, turns, step):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return the covariance of x, y, theta by the correlation surface, shape (3, 3)."""
     n, width = len(points), 2 * cells + 1

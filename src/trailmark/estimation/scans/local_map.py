@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.compiled import njit
 from trailmark.estimation.scans.clouds import GRAZED, PointCloud
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["LEVELS", "LocalMap", "in_view", "levels_for", "local_map"]
@@ -128,7 +128,7 @@ def levels_for(window: float) -> int:
     return max(1, min(LEVELS, 1 + int(np.log2(max(1.0, np.ceil(window / CELL))))))
 
 
-@njit(cache=True)
+@njit
 def _grids(points, x0, y0, rows, columns, levels):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return each cell's nearest point, and the likelihood with its first level filled in."""
     nearest = np.full((rows, columns), -1, dtype=np.int32)

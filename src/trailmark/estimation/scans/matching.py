@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trailmark.compiled import njit
 from trailmark.estimation.scans.clouds import PointCloud, transformed
 from trailmark.estimation.scans.local_map import SIGMA, LocalMap
+from trailmark.jit import njit
 from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["NO_PRIOR", "Match", "facing_score", "refine", "refine_by_faces"]
@@ -114,7 +114,7 @@ def refine_by_faces(
     return near if 2.0 * near_facing - near.score > 2.0 * facing - match.score + FACING_MARGIN else match
 
 
-@njit(cache=True)
+@njit
 def _refine(nearest, likelihood, x0, y0, cell, lines, across, points, normals, pose, mean, information):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return the pose after Gauss-Newton steps, and the mean likelihood of its points."""
     rows, columns = nearest.shape

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.checked import Positive, PositiveOrInfinite, checked_fields
+from trailmark.arguments import Positive, PositiveOrInfinite, checked_fields
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.fits import DiscFit, LineFit, fit_circle_roughly, fit_disc, fit_line

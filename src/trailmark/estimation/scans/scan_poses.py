@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.checked import checked_arguments
+from trailmark.arguments import checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import Unicycle
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan, first_pose

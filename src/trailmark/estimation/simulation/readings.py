@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.checked import Count, Numbers, PositiveOrInfinite, RandomState, checked, checked_arguments, shaped
+from trailmark.arguments import Count, Numbers, PositiveOrInfinite, RandomState, checked, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.sensors import RangeBearing
 from trailmark.se2 import FloatArray, configurations

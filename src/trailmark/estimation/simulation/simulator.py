@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.checked import Numbers, Positive, RandomState, checked_arguments
+from trailmark.arguments import Numbers, Positive, RandomState, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.checked import (
+from trailmark.arguments import (
     Count,
     Finite,
     NonNegative,

@@ -11,8 +11,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.arguments import brief, real
-from trailmark.checked import checked_arguments
+from trailmark.arguments import brief, checked_arguments, real
 from trailmark.errors import expected_name
 from trailmark.estimation.errors import EstimationError, RecordError
 from trailmark.estimation.filter.consistency import chi_square_quantile

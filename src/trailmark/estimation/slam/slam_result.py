@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from trailmark.checked import Count, PositiveOrInfinite, Probability, checked_fields
+from trailmark.arguments import Count, PositiveOrInfinite, Probability, checked_fields
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.consistency import Consistency, average
 from trailmark.estimation.logs.records import Detection

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trailmark.motion import TranslationMotion
-from trailmark.planning.grids.grid_tangents import GridTangents
-from trailmark.planning.grids.search import TangentSearch
+from trailmark.planning.grids.grid_tangents import GridTangents, TangentSearch
 from trailmark.planning.query import Query
 
 __all__ = ["shortest_grid_path"]
@@ -49,7 +48,7 @@ def shortest_grid_path(query: Query, tangents: GridTangents | None) -> bool:
             if _offer(query, tangents, guided, SPARES[:1]):
                 search.limit = min(search.limit, guided.length)
             ended = _run(query, search, labels)
-    incumbent.claim(query.motion.whole_cost(tangents.bound(search), incumbent.start, incumbent.goal))
+    incumbent.raise_bound(query.motion.whole_cost(tangents.bound(search), incumbent.start, incumbent.goal))
     incumbent.bounded = True
     if ended and not _offer(query, tangents, search, SPARES):
         # In contact it would be shorter, by a gap that is as wide as the disc.
@@ -63,7 +62,7 @@ def shortest_grid_path(query: Query, tangents: GridTangents | None) -> bool:
 def _run(query: Query, search: TangentSearch, labels: int = 2**62) -> bool:
     """Go on with a search as far as there is time; return whether it has ended."""
     states = query.incumbent.states
-    kept = KEPT * query.clock.limit + CHECKING * (0 if states is None else len(states))
+    kept = KEPT * query.budget.limit + CHECKING * (0 if states is None else len(states))
     while labels > 0 and query.seconds_left() > kept:
         if search.run(PART):
             return True

@@ -12,42 +12,27 @@ in a graph", AI 1970; checks only of what is expanded: Cohen, Phillips & Likhach
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
-from typing import Any
+from math import floor, hypot, pi, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from trailmark.clock import CLOCK_EVERY, Deadline, now
+from trailmark.clock import CLOCK_EVERY, Deadline, over
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import FREE, state
-from trailmark.compiled import njit
-from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.heading import turn
+from trailmark.heap import WAITING, Labels, add_label, entry_of, label_of, new_labels, next_label, with_room
+from trailmark.jit import array_callee, callee, njit
+from trailmark.landmarks.grid_search import STEP_X, STEP_Y
 from trailmark.landmarks.retraction import retract
 from trailmark.motion import DifferentialMotion, Motion, WeightedMotion
 from trailmark.motion.base import Scratch, certified, new_scratch
 from trailmark.motion.base import cost as cost_between
 from trailmark.motion.straight import Straight
-from trailmark.planning.lattice.cost_to_go import CostToGo, Guide, best_multi_step, cost_of_move, cost_to_go, near_goal
-from trailmark.planning.lattice.nodes import (
-    CHECKED,
-    DONE,
-    MIN_BITS,
-    MULTI_STEPS,
-    ORIGIN,
-    RETRACTED,
-    TURNS,
-    VALID,
-    Nodes,
-    SearchTable,
-    child_of,
-    configuration,
-    doubled,
-    entry_of,
-    new_table,
-    parent_of,
-)
-from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.planning.lattice.cost_to_go import CostToGo
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray, wrap
 
 __all__ = ["Lattice"]
 
@@ -57,11 +42,24 @@ GOAL_EVERY = 16
 ABOUT = 1.02
 """Times the cost to go that the motion to the goal may cost to be tried, where places differ in cost."""
 
-MAX_CHILDREN = 18
-"""Nodes that are added when one is expanded, at most."""
-
 REACH, MARGIN = 0.75, 0.25
 """Steps by which a node that collides may be moved and turned off the obstacles, and the clearance sought there."""
+
+SPANS = (1, 2, 4, 8)
+"""Cells that a move leads across; for each, eight directions, counter-clockwise from +x."""
+
+TURNS, MOVES = 8 * len(SPANS), 8 * len(SPANS) + 2
+"""The first of the two turns, by one heading either way, which come after all other moves; and how many there are."""
+
+MAX_CHILDREN = 18
+"""Labels that are added when a node is expanded, at most: a step or turn, and a move of more cells, in each
+direction."""
+
+FAILED, DONE = 1, 2
+"""Of a label that is closed: its node is of no use, or expanded."""
+
+BITS = 24
+"""Of a node's column, and as many of its row, in its number."""
 
 
 @dataclass(frozen=True)
@@ -116,217 +114,267 @@ class Lattice:
         plain = self.motion if weighted is None else weighted.motion
         # Whether headings make a difference is known to the nodes: one kind less to compile.
         kind: Any = Straight(self.checker.grid, self.checker.field, self.checker.footprint)
-        anchor = start
+        anchor, rotation = start, ROTATION_WEIGHT
         if isinstance(plain, DifferentialMotion):
             # Its steps lead along its headings, which are those of the grid: it begins with a turn.
             kind, anchor = plain.kind, plain.turned(start, self.headings)
-        nodes = Nodes.around(self.checker, anchor, self.size, self.headings)
-        rotation = ROTATION_WEIGHT
         if weighted is not None:
             kind, rotation = weighted.kind._replace(motion=kind), weighted.density.rotation
-        guide = Guide(
-            to_go.cost,
-            to_go.density,
-            (nodes.x - nodes.left * nodes.size - to_go.x0) / to_go.size,
-            (nodes.y - nodes.below * nodes.size - to_go.y0) / to_go.size,
-            nodes.size / to_go.size,
-            *self.checker.disc_center(goal),
-            float(weight),
-            float(limit),
-            to_go.least,
-            rotation,
-        )
+        guide = _Guide(to_go, *self.checker.disc_center(goal), float(weight), float(limit), rotation)
+        nodes, origin = _nodes_around(self.checker, anchor, self.size, self.headings)
         found, expanded = _search(
             kind,
             nodes,
-            nodes.origin,
+            origin,
             guide,
             np.asarray(start),
             np.asarray(goal),
             budget,
             budget if patience is None else patience,
-            len(MULTI_STEPS) if multi_steps else 1,
+            len(SPANS) if multi_steps else 1,
             retracts,
             deadline,
         )
         return found, int(expanded)
 
 
-@njit(cache=True, nogil=True)
+class _Nodes(NamedTuple):
+    """Positions of the inscribed disc's centre times headings; a node's number holds its heading, row and column."""
+
+    x0: float  # of the first column, metres
+    y0: float  # of the first row, metres
+    size: float  # metres between neighbouring positions
+    columns: int  # how many
+    rows: int  # how many
+    # for each heading: radians in (-pi, pi], and the offset from the centre to the reference point, metres; shape
+    # (headings, 3)
+    turned: FloatArray
+
+
+def _nodes_around(checker: StateChecker, q: FloatArray, size: float, headings: int) -> tuple[_Nodes, int]:
+    """Return the nodes within the bounds of a world, and which of them is the configuration q, shape (3,)."""
+    xmin, ymin, xmax, ymax = checker.world.bounds
+    x, y = checker.disc_center(q)
+    left, below = floor((x - xmin) / size), floor((y - ymin) / size)
+    columns, rows = left + 1 + floor((xmax - x) / size), below + 1 + floor((ymax - y) / size)
+    theta = wrap(q[2] + 2.0 * pi / headings * np.arange(headings))
+    c, s, (a, b) = np.cos(theta), np.sin(theta), checker.robot.inscribed_disc.center
+    turned = np.column_stack([theta, s * b - c * a, -s * a - c * b])
+    return _Nodes(x - left * size, y - below * size, size, columns, rows, turned), below << BITS | left
+
+
+@callee
+def _position(nodes: _Nodes, node: int) -> tuple[float, float]:
+    """Return where a node's disc is centred, metres."""
+    row, column = node >> BITS & ((1 << BITS) - 1), node & ((1 << BITS) - 1)
+    return nodes.x0 + column * nodes.size, nodes.y0 + row * nodes.size
+
+
+@callee
+def _moved(nodes: _Nodes, node: int, move: int) -> int:
+    """Return the node that a move leads to, -1 out of the lattice."""
+    heading, row, column = node >> 2 * BITS, node >> BITS & ((1 << BITS) - 1), node & ((1 << BITS) - 1)
+    if move >= TURNS:
+        heading = (heading + (1 if move == TURNS else len(nodes.turned) - 1)) % len(nodes.turned)
+    else:
+        span = 1 << (move >> 3)
+        column, row = column + span * STEP_X[move & 7], row + span * STEP_Y[move & 7]
+        if not (0 <= column < nodes.columns and 0 <= row < nodes.rows):
+            return -1
+    return int((heading << BITS | row) << BITS | column)
+
+
+@callee
+def _length(nodes: _Nodes, move: int) -> float:
+    """Return the length of a move that is no turn, metres."""
+    length = nodes.size * (1 << (move >> 3))
+    return length * sqrt(2.0) if move & 1 else length
+
+
+class _Guide(NamedTuple):
+    """Costs to go, and how they are used."""
+
+    to_go: CostToGo  # on a grid
+    x: float  # of the goal's position, metres
+    y: float  # of the goal's position, metres
+    weight: float  # of the cost to go
+    limit: float  # metres; no path over a node is of interest whose cost and straight distance to the goal exceed it
+    rotation: float  # what a radian costs
+
+
+@callee
+def _cost_to_go(nodes: _Nodes, node: int, guide: _Guide, cost: float) -> float:
+    """Return the cost to go from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
+    (x, y), to_go = _position(nodes, node), guide.to_go
+    if len(to_go.cost) == 0 or guide.limit < np.inf:
+        straight = to_go.least * hypot(guide.x - x, guide.y - y)
+        if cost + straight > guide.limit:
+            return np.inf
+        if len(to_go.cost) == 0:
+            return straight
+    return _in_cell(to_go, to_go.cost, x, y, np.inf)
+
+
+@callee
+def _in_cell(to_go: CostToGo, cells: NDArray[np.float32], x: float, y: float, beyond: float) -> float:
+    """Return what the cell of a place holds, ``beyond`` out of all cells: they may cover less than the lattice."""
+    i, j = floor((y - to_go.y0) / to_go.size), floor((x - to_go.x0) / to_go.size)
+    return float(cells[i, j]) if 0 <= i < cells.shape[0] and 0 <= j < cells.shape[1] else beyond
+
+
+@callee
+def _cost_of_move(nodes: _Nodes, node: int, other: int, move: int, guide: _Guide) -> float:
+    """Return what a move from a node to another costs: a metre what it costs on the mean at its ends."""
+    if move >= TURNS:
+        return guide.rotation * 2.0 * pi / len(nodes.turned)
+    if len(guide.to_go.density) == 0:
+        return _length(nodes, move)
+    return 0.5 * (_density(nodes, node, guide.to_go) + _density(nodes, other, guide.to_go)) * _length(nodes, move)
+
+
+@callee
+def _density(nodes: _Nodes, node: int, to_go: CostToGo) -> float:
+    x, y = _position(nodes, node)
+    return _in_cell(to_go, to_go.density, x, y, to_go.least)
+
+
+@callee
+def _best_span(nodes: _Nodes, node: int, direction: int, spans: int, guide: _Guide) -> int:
+    """Return the move of more than one cell in a direction that promises most, -1 if there is none."""
+    best, least = -1, np.inf
+    for k in range(1, spans):
+        other = _moved(nodes, node, direction + 8 * k)
+        if other < 0:
+            break
+        key = _length(nodes, direction + 8 * k) + guide.weight * _cost_to_go(nodes, other, guide, 0.0)
+        if key < least:
+            best, least = direction + 8 * k, key
+    return best
+
+
+@njit(nogil=True)
 def _search(
     kind: Any,
-    nodes: Nodes,
+    nodes: _Nodes,
     origin: int,
-    guide: Guide,
+    guide: _Guide,
     start: FloatArray,
     goal: FloatArray,
     budget: int,
     patience: int,
-    multi_steps: int,
+    spans: int,
     retracts: bool,
     deadline: Deadline,
 ) -> tuple[FloatArray, int]:
     """Return the path from start to goal, and how many nodes were expanded."""
-    scratch = new_scratch(kind)
-    q, before = np.empty(3), np.empty(3)
-    keys, values = np.empty(256), np.empty(256, np.int64)
-    waiting = heap_push(keys, values, 0, 0.0, origin)
-    table, used = new_table(1 << MIN_BITS, retracts), 1
-    entry = entry_of(table, origin)
-    table.node[entry], table.move[entry], table.known[entry] = origin + 1, ORIGIN + 1, CHECKED | VALID
-    expanded, last = 0, -1
-    nearest, nearest_at = np.inf, 0
-    while waiting > 0 and expanded < budget and expanded - nearest_at <= patience:
-        waiting = heap_pop(keys, values, waiting)
-        node = values[waiting]
-        entry = entry_of(table, node)
-        # It may be stale: done already, or its motion failed and no other leads here.
-        if table.known[entry] & DONE or table.move[entry] == 0:
+    scratch, labels, headings = new_scratch(kind), new_labels(256, 0), len(nodes.turned)
+    add_label(labels, entry_of(labels, origin), origin, -1, 0.0, 0.0)
+    expanded, nearest, nearest_at = 0, np.inf, 0
+    while labels.counts[WAITING] > 0 and expanded < budget and expanded - nearest_at <= patience:
+        labels = with_room(labels, MAX_CHILDREN)
+        label = next_label(labels)
+        if label < 0:
             continue
         expanded += 1
-        if expanded % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if expanded % CLOCK_EVERY == 0 and over(deadline):
             break
-        table.known[entry] |= DONE
-        _configuration_of(nodes, table, node, q)
-        if not table.known[entry] & CHECKED:
-            table.known[entry] |= CHECKED
-            if _free(kind, scratch, q):
-                table.known[entry] |= VALID
-            elif retracts:
-                retract(
-                    kind.field,
-                    kind.robot,
-                    q,
-                    REACH * nodes.size,
-                    REACH * 2.0 * pi / nodes.headings,
-                    MARGIN * nodes.size,
-                )
-                if _free(kind, scratch, q):
-                    table.known[entry] |= VALID | RETRACTED
-                    table.retracted[entry] = q
-        if not table.known[entry] & VALID:
+        node, q = labels.node[label], labels.q[label]
+        labels.closed[label] = FAILED
+        if not _place(kind, scratch, nodes, node, retracts, q):
             continue
-        parent_move = table.move[entry] - 1
-        if parent_move != ORIGIN:
-            _configuration_of(nodes, table, parent_of(nodes, node, parent_move), before)
-            if not certified(kind, scratch, before, q, BUDGET) and not _find_other_parent(
-                kind, scratch, nodes, table, node, q, before, multi_steps, guide
-            ):
+        parent = labels.parent[label]
+        if parent >= 0 and not certified(kind, scratch, labels.q[parent], q, BUDGET):
+            _find_other_parent(kind, scratch, nodes, labels, label, spans, guide)
+            if labels.parent[label] < 0:
+                # Its node waits for a parent that is found later.
+                labels.closed[label], labels.cost[label] = 0, np.inf
                 continue
-        left = cost_to_go(nodes, node, guide, 0.0)
+        labels.closed[label] = DONE
+        left = _cost_to_go(nodes, node, guide, 0.0)
         if left < nearest:
             nearest, nearest_at = left, expanded
         if (
-            (near_goal(nodes, node, guide, q, goal) or expanded % GOAL_EVERY == 0)
+            (expanded % GOAL_EVERY == 0 or _near_goal(nodes, node, guide, q, goal))
             # Where places differ in cost, a straight way through what is dear is no use.
-            and (len(guide.density) == 0 or cost_between(kind, scratch, q, goal) <= ABOUT * left + guide.rotation * pi)
+            and (
+                len(guide.to_go.density) == 0
+                or cost_between(kind, scratch, q, goal) <= ABOUT * left + guide.rotation * pi
+            )
             and certified(kind, scratch, q, goal, BUDGET)
         ):
-            last = node
-            break
-        if 2 * (used + MAX_CHILDREN) > len(table.node):
-            table = doubled(table)
-        if waiting + MAX_CHILDREN > len(keys):
-            keys, values = heap_grow(keys, values)
-        cost = table.cost[entry_of(table, node)]
-        # One step, or a turn; and the multi-step that promises most.
-        for direction in range(10 if nodes.headings > 1 else 8):
-            step = direction if direction < 8 else TURNS + direction - 8
-            for move in (step, best_multi_step(nodes, node, direction, multi_steps, guide) if direction < 8 else -1):
-                other = child_of(nodes, node, move) if move >= 0 else -1
+            return _path_over(labels, label, start, goal), expanded
+        # One step, and the move across more cells that promises most; or a turn.
+        for direction in range(10 if headings > 1 else 8):
+            first = direction if direction < 8 else TURNS + direction - 8
+            for move in (first, _best_span(nodes, node, direction, spans, guide) if direction < 8 else -1):
+                other = _moved(nodes, node, move) if move >= 0 else -1
                 if other < 0:
                     continue
-                reached = cost + cost_of_move(nodes, node, other, move, guide)
-                left = cost_to_go(nodes, other, guide, reached)
-                if left < np.inf:
-                    new = _relax(table, other, reached, move)
-                    if new >= 0:
-                        used += new
-                        waiting = heap_push(keys, values, waiting, reached + guide.weight * left, other)
-    if last < 0:
-        return np.empty((0, 3)), expanded
-    return _path_over(nodes, table, last, start, goal), expanded
+                cost = labels.cost[label] + _cost_of_move(nodes, node, other, move, guide)
+                left = _cost_to_go(nodes, other, guide, cost)
+                if left == np.inf:
+                    continue
+                entry = entry_of(labels, other)
+                known = labels.table[entry]
+                if known >= 0:
+                    if labels.closed[known] or cost >= labels.cost[known]:
+                        continue
+                    labels.closed[known] = FAILED
+                add_label(labels, entry, other, label, cost, cost + guide.weight * left)
+    return np.empty((0, 3)), expanded
 
 
-@njit(cache=True)
-def _free(kind: Any, scratch: Scratch, q: FloatArray) -> bool:
-    """Return whether a configuration is valid."""
+@callee
+def _place(kind: Any, scratch: Scratch, nodes: _Nodes, node: int, retracts: bool, q: FloatArray) -> bool:
+    """Write a node's configuration into q, pushed off the obstacles if need be; return whether it is valid."""
+    x, y = _position(nodes, node)
+    theta, dx, dy = nodes.turned[node >> 2 * BITS]
+    q[0], q[1], q[2] = x + dx, y + dy, theta
+    if state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE:
+        return True
+    if not retracts:
+        return False
+    turning = REACH * 2.0 * pi / len(nodes.turned)
+    retract(kind.field, kind.robot, q, REACH * nodes.size, turning, MARGIN * nodes.size)
     return bool(state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE)
 
 
-@njit(cache=True)
-def _configuration_of(nodes: Nodes, table: SearchTable, node: int, q: FloatArray) -> None:
-    """Write a node's configuration into q."""
-    if len(table.retracted):
-        entry = entry_of(table, node)
-        if table.known[entry] & RETRACTED:
-            q[:] = table.retracted[entry]
-            return
-    configuration(nodes, node, q)
+@callee
+def _near_goal(nodes: _Nodes, node: int, guide: _Guide, q: FloatArray, goal: FloatArray) -> bool:
+    """Return whether a node lies so near to the goal that a motion there may be expected."""
+    x, y = _position(nodes, node)
+    if hypot(x - guide.x, y - guide.y) >= 1.5 * nodes.size:
+        return False
+    return len(nodes.turned) == 1 or abs(turn(q[2], goal[2])) < 3.0 * pi / len(nodes.turned)
 
 
-@njit(cache=True)
-def _relax(table: SearchTable, node: int, cost: float, move: int) -> int:
-    """Record that a move leads to a node at some cost; return the entries that takes, -1 if that is no better."""
-    entry = entry_of(table, node)
-    if table.known[entry] & DONE or table.known[entry] & (CHECKED | VALID) == CHECKED:
-        return -1
-    if table.move[entry] != 0 and cost >= table.cost[entry]:
-        return -1
-    new = table.node[entry] == 0
-    table.node[entry], table.cost[entry], table.move[entry] = node + 1, cost, move + 1
-    return int(new)
-
-
-@njit(cache=True)
+@callee
 def _find_other_parent(
-    kind: Any,
-    scratch: Scratch,
-    nodes: Nodes,
-    table: SearchTable,
-    node: int,
-    q: FloatArray,
-    before: FloatArray,
-    multi_steps: int,
-    guide: Guide,
-) -> bool:
-    """Join a node, whose motion failed, to another expanded one; without success it waits for a parent found later."""
-    entry = entry_of(table, node)
-    parent_move, cheapest = table.move[entry] - 1, np.inf
-    table.known[entry] &= ~np.uint8(VALID)
-    for move in range(ORIGIN if nodes.headings > 1 else TURNS):
-        other = parent_of(nodes, node, move)
-        if move == parent_move or other < 0 or 8 * multi_steps <= move < TURNS:
+    kind: Any, scratch: Scratch, nodes: _Nodes, labels: Labels, label: int, spans: int, guide: _Guide
+) -> None:
+    """Join a node, whose motion failed, to another expanded one, or to none."""
+    node, failed, cheapest = labels.node[label], labels.parent[label], np.inf
+    labels.parent[label] = -1
+    for move in range(MOVES if len(nodes.turned) > 1 else TURNS):
+        # Moves come in pairs, there and back.
+        other = _moved(nodes, node, move) if move < 8 * spans or move >= TURNS else -1
+        before = label_of(labels, other) if other >= 0 else -1
+        if before < 0 or before == failed or labels.closed[before] != DONE:
             continue
-        there = entry_of(table, other)
-        if table.known[there] & (DONE | VALID) != DONE | VALID:
-            continue
-        cost = table.cost[there] + cost_of_move(nodes, other, node, move, guide)
-        if cost < cheapest:
-            _configuration_of(nodes, table, other, before)
-            if certified(kind, scratch, before, q, BUDGET):
-                cheapest, table.move[entry] = cost, move + 1
-    table.known[entry] |= VALID
-    if cheapest < np.inf:
-        table.cost[entry] = cheapest
-        return True
-    table.known[entry] &= ~np.uint8(DONE)
-    table.move[entry] = 0
-    return False
+        cost = labels.cost[before] + _cost_of_move(nodes, other, node, move, guide)
+        if cost < cheapest and certified(kind, scratch, labels.q[before], labels.q[label], BUDGET):
+            cheapest, labels.cost[label], labels.parent[label] = cost, cost, before
 
 
-@njit(cache=True)
-def _path_over(nodes: Nodes, table: SearchTable, last: int, start: FloatArray, goal: FloatArray) -> FloatArray:
-    """Return the configurations from start to goal over a node."""
-    length, node = 1, last
-    move = table.move[entry_of(table, node)] - 1
-    while move != ORIGIN:
-        node = parent_of(nodes, node, move)
-        move = table.move[entry_of(table, node)] - 1
-        length += 1
-    path = np.empty((length + 1, 3))
-    path[0], path[length], node = start, goal, last
-    for i in range(length - 1, 0, -1):
-        _configuration_of(nodes, table, node, path[i])
-        node = parent_of(nodes, node, table.move[entry_of(table, node)] - 1)
+@array_callee
+def _path_over(labels: Labels, label: int, start: FloatArray, goal: FloatArray) -> FloatArray:
+    """Return the configurations from start to goal over a label's node."""
+    length, at = 2, labels.parent[label]
+    while at >= 0:
+        length, at = length + 1, labels.parent[at]
+    path = np.empty((length, 3))
+    path[length - 1], at = goal, label
+    for i in range(length - 2, -1, -1):
+        path[i], at = labels.q[at], labels.parent[at]
+    path[0] = start
     return path

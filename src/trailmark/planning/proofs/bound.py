@@ -1,10 +1,27 @@
-"""LowerBound: what every path of a robot costs at least, and whether there can be one."""
+"""LowerBound: what every path of a robot costs at least, and whether there can be one.
+
+1. A disc inside the footprint meets no obstacle either. Its centre stays in a region: the free space less all that is
+   nearer than the radius, drawn never too small (:mod:`.region`).
+2. The region falls into parts. Around the one that holds an end each edge is proven anew, by code that shares nothing
+   with what has drawn it, to be nowhere that the disc's centre can be (:class:`.claims.Separation`): it stays inside.
+3. If the other end lies outside of that part, there is no path. If not, the part is cut into triangles,
+   among which the centre's shortest path is found exactly (:mod:`.mesh`), D metres long.
+4. A path of length L and rotation T costs L + w·T, w = 0.5 (se2.ROTATION_WEIGHT). With the disc's centre c metres from
+   the reference point, D <= L + c·T. So the cost is at least D + (w − c)·T, and T at least the turn between the
+   headings, if c <= w; otherwise L + w·T >= (w/c)·(L + c·T) >= (w/c)·D. A car's path costs L, and T <= L/ρ: so
+   D <= (1 + c/ρ)·L. No path costs less than the way in the open either.
+
+In a large world a known path's cost says how far to look: all ways that are no longer lie within an ellipse, and what
+leaves that costs more. Of a grid map the shortest path is found along tangents, without a region.
+
+Under another objective a path costs at least ρ·L + r·T, ρ the least density anywhere and r the cost of a radian: at
+least min(ρ, r/w) times L + w·T. The other bound is that of the densities on a grid (:mod:`.eikonal`). The larger holds.
+"""
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
 from functools import cached_property
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,62 +31,27 @@ from trailmark import se2
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
 from trailmark.goals import Goal
+from trailmark.motion import Motion, WeightedMotion
 from trailmark.planning.grids.grid_tangents import GridTangents
-from trailmark.planning.proofs.grown import QUARTER
-from trailmark.planning.proofs.mesh import Mesh, locate, triangulated
-from trailmark.planning.proofs.polyanya import shortest_point_path
-from trailmark.planning.proofs.region import MARGIN, ellipse, local_origin, region_parts
-from trailmark.planning.proofs.separation import Separation
+from trailmark.planning.proofs.claims import Separation
+from trailmark.planning.proofs.eikonal import Eikonal
+from trailmark.planning.proofs.mesh import Mesh, locate, shortest_point_path, triangulated
+from trailmark.planning.proofs.region import MARGIN, QUARTER, Stop, ellipse, local_origin, look, region_parts
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
-__all__ = ["CUTTING", "SLOWER", "Bound", "LowerBound", "region_work"]
+__all__ = ["Bound", "LowerBound", "lower_bound_of"]
 
-ROUNDING = 1e-9
-"""Relative error that lengths may have; taken off."""
+ROUNDING, DIGITS = 1e-9, 1e-14
+"""Relative error that lengths may have; and the share of the largest coordinate that they may be wrong by, too."""
 
-DIGITS = 1e-14
-"""Share of the largest coordinate, and of the region's size, that a length may be wrong by, too."""
-
-LARGE = 20_000
-"""Vertices of a region from which on it is looked at only as far as a query needs, unless told otherwise."""
-
-MANY = 150_000
-"""Vertices of a region for each of which it takes twice as long as in a small one."""
-
-GROWING = 4.5e-6
-"""Seconds for each corner of the obstacles: making the region, in parts that nothing joins.
-
-This and the like are constants: an answer must not depend on how long earlier queries happened to take.
-"""
-
-CUTTING = 1e-5
-"""Seconds for each vertex of a part: cutting it into triangles, and proving that no path leaves them."""
-
-SLOWER = 2.0
-"""Times as long as expected that must be left for what cannot be ended halfway: a machine may be slow, or busy."""
-
-ROUNDED = 1.5
-"""Vertices of a region for each corner of the obstacles, around which it is rounded."""
-
-ASKING = 0.003
-"""Seconds for each query, once the region is cut."""
-
-NEARNESS = 0.25
-"""Corners that take as long as telling whether an obstacle lies near a query."""
-
-LAST = 0.9
-"""Share of the time left after which making a region, or cutting it, is given up."""
+LARGE, LARGEST = 20_000, 100_000
+"""Corners of obstacles from which on a world is looked at only as far as a query needs, unless told otherwise; and from
+which on none is cut into triangles: shapely then takes seconds, and cannot be interrupted."""
 
 PART = 500
-"""Labels of a search along tangents between two looks at the clock."""
-
-MAX_FREED = 64
-"""Obstacles removed after which what was proven before they were is used no more."""
-
-
-Ends = tuple[FloatArray, FloatArray]
+"""Labels of a search along tangents between two looks at whether to stop."""
 
 
 class Bound(NamedTuple):
@@ -84,316 +66,186 @@ class Bound(NamedTuple):
     path: FloatArray
 
 
-def region_work(vertices: float) -> float:
-    """Return how much work making a region or cutting it into triangles is, in vertices of a small one."""
-    return vertices * (1.0 + vertices / MANY)
-
-
 class LowerBound:
-    """The shortest path of a disc inside the robot's footprint, among obstacles that are never too large.
-
-    A path of length L and rotation T costs L + w·T, w = 0.5 (se2.ROTATION_WEIGHT). A disc whose centre lies c from the
-    reference point goes D metres, D <= L + c·T. So the cost is at least D + (w − c)·T, and T at least the turn between
-    the headings, if c <= w; otherwise L + w·T >= (w/c)·(L + c·T) >= (w/c)·D. A car's path costs L, and T <= L/ρ: so
-    D <= (1 + c/ρ)·L; and L is no less than the length of the shortest curve in the open.
+    """Lower bounds for one robot in one world; what queries share is kept.
 
     Args:
         world: obstacles, bounds, boundary.
         robot: footprint.
         grid: the world's outlines in cells, if they are there already.
-        large: vertices of a region from which on it is looked at only as far as a query needs.
+        large: corners of obstacles from which on it is looked at only as far as a query needs.
+        motion: tells what paths cost, if not what :class:`~trailmark.path.Path` says.
+
+    Attributes:
+        corners: about how many all obstacles have.
     """
 
-    def __init__(self, world: World, robot: Robot, grid: ObstacleGrid | None = None, *, large: int = LARGE) -> None:
+    def __init__(
+        self,
+        world: World,
+        robot: Robot,
+        grid: ObstacleGrid | None = None,
+        *,
+        large: int = LARGE,
+        motion: WeightedMotion | None = None,
+    ) -> None:
         self.world, self.robot, self.large, self._grid = world, robot, large, grid
-        self._before: tuple[LowerBound, FloatArray] | None = None
+        disc, self._origin = robot.inscribed_disc, local_origin(world)
+        self._center, self._offset = np.array(disc.center), float(np.hypot(*disc.center))
+        self._radius = disc.radius
+        # How many metres the disc's centre goes at most for each metre of cost, as that of length and turns.
+        turns = max(1.0, self._offset / se2.ROTATION_WEIGHT)
+        self._stretch = turns if robot.turning_radius is None else 1.0 + self._offset / robot.turning_radius
+        self._least, self._eikonal = 1.0, None
+        if motion is not None:
+            density = motion.density
+            # A car's turning costs nothing by itself.
+            each = (density.least, np.inf if robot.turning_radius is not None else density.rotation)
+            self._least = min(each[0], each[1] / se2.ROTATION_WEIGHT)
+            self._eikonal = Eikonal(motion)
+        if grid is not None:
+            # To go through thousands of obstacles takes as long as planning may.
+            self.corners = 4 * len(grid.segments) + 8 * QUARTER * len(grid.discs) + 4
+        else:
+            discs = sum(isinstance(shape, Disc) for shape in world.obstacles)
+            rings = [r for s in world.obstacles if not isinstance(s, Disc) for r in s.polygon().rings()]
+            self.corners = 4 * sum(map(len, rings)) + 8 * QUARTER * discs + 4
         self._parts: Any = None
+        self._meshes: dict[int, Mesh | None] = {}
 
-    def edited(self, world: World, grid: ObstacleGrid, freed: FloatArray) -> LowerBound:
-        """Return what proves lower bounds in a world that differs from this one's in its obstacles.
-
-        Until its own region is cut, :meth:`known` makes do with this one's.
-
-        Args:
-            world: that world.
-            grid: its outlines in cells.
-            freed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed, shape (f, 4).
-        """
-        changed = LowerBound(world, self.robot, grid, large=self.large)
-        if self.ready:
-            changed._before = self, freed
-        elif self._before is not None:
-            changed._before = self._before[0], np.concatenate([self._before[1], freed])
-        if changed._before is not None and len(changed._before[1]) > MAX_FREED:
-            changed._before = None
-        return changed
-
-    def known(self, start: FloatArray, goal: FloatArray) -> float:
-        """Return a lower bound (metres) on any path's cost that takes little time, from what is computed already.
-
-        A path that does not enter what was removed since is a path of the world before. One that does leads the disc's
-        centre within its radius of that place.
-
-        Args:
-            start: valid, shape (3,).
-            goal: valid, shape (3,).
-        """
-        cost = self._in_the_open(start, goal)
-        if self.ready:
-            return max(cost, self.of(start, goal).cost)
-        if self._before is None:
-            return cost
-        before, freed = self._before
-        ends = [se2.transform(q, self._center[0][None])[0] for q in (start, goal)]
-        gap = [np.hypot(*np.maximum(np.maximum(freed[:, :2] - p, p - freed[:, 2:]), 0.0).T) for p in ends]
-        detour = float(np.min(gap[0] + gap[1], initial=np.inf)) - 2.0 * self.robot.inscribed_disc.radius
-        through = max(0.0, detour * (1.0 - ROUNDING)) / self._stretch
-        return max(cost, min(before.of(start, goal).cost, through))
-
-    def of(
-        self, start: FloatArray, goal: FloatArray, limit: float = np.inf, seconds: float = np.inf, left: float = np.inf
-    ) -> Bound:
+    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf, stop: Stop | None = None) -> Bound:
         """Return the bound for a query.
 
         Args:
             start: valid, shape (3,).
             goal: valid, shape (3,).
-            limit: cost (metres) of a known path; in a large world only paths no longer than that are considered.
-            seconds: in a grid map the search ends after that, with the bound that it has proven by then.
-            left: seconds; what would hardly end by then is given up, and the bound is the way's cost without obstacles.
+            limit: cost (metres) of a known path; in a large world only paths that cost no more are considered.
+            stop: asked now and then whether to stop, with a bound that leaves obstacles aside, or that of a grid map
+                as far as it is known by then.
         """
-        straight = Bound(self._in_the_open(start, goal), np.empty((0, 2)))
-        center, offset = self._center
-        a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
-        # What a path of that cost can make the disc's centre go at most; longer paths cannot cost less.
-        longest = limit * self._stretch
-        begin = perf_counter()
-        by = begin + LAST * left
+        steering = Steering.of(self.robot)
+        cost = float(se2.distance(start, goal) if steering is None else steering.lengths(start, goal))
+        a, b = (se2.transform(q, self._center[None])[0] for q in (start, goal))
         try:
-            if self.tangents is not None:
-                found = self._along_tangents(self.tangents, a, b, begin + seconds)
-            elif self._whole(longest):
-                found = self._shortest(a, b, by)
-            else:
-                found = self._shortest_within(a, b, longest, by)
+            length, path = self._shortest(a, b, limit / self._least * self._stretch, stop)
         except TimeoutError:
-            found = None
-        if found is None:
-            return straight
-        length, path = found
-        cost = length / self._stretch
+            length, path = 0.0, np.empty((0, 2))
+        bound = length / self._stretch
         if self.robot.turning_radius is None:
             turn = abs(float(se2.difference(start, goal)[2]))
-            cost += max(0.0, se2.ROTATION_WEIGHT - offset) * turn
-        return Bound(max(straight.cost, cost), path)
+            bound += max(0.0, se2.ROTATION_WEIGHT - self._offset) * turn
+        cost = self._least * max(cost, bound)
+        if self._eikonal is not None and np.isfinite(cost) and not (stop is not None and stop()):
+            cost = max(cost, self._eikonal.of(start, goal))
+        return Bound(cost, path)
 
-    def shuts_out(self, start: FloatArray, goal: Goal) -> bool:
+    def shuts_out(self, start: FloatArray, goal: Goal, stop: Stop | None = None) -> bool:
         """Return whether it is proven that no path from a valid start, shape (3,), ends anywhere in a goal.
 
-        No path leads the disc's centre out of a region, and wherever it may be in the goal lies outside of that.
+        No path leads the disc's centre out of a part, and wherever it may be in the goal lies outside of that.
         """
-        center, offset = self._center
-        a = se2.transform(start, center[None])[0]
+        a = se2.transform(start, self._center[None])[0]
         place = shapely.Point(goal.disc[0]) if goal.region is None else goal.region.shapely()
         place = shapely.transform(place, lambda points: points - self._origin)
-        parts = self._whole_region()
-        for part in self._around(parts, a, a):
-            if part not in self._meshes:
-                self._meshes[part] = self._proven(parts[part], np.inf)
-            mesh = self._meshes[part]
-            if mesh is not None and locate(mesh, a - self._origin) >= 0:
-                away = float(shapely.distance(parts[part], place))
-                return away > (goal.position_tolerance + offset) * (1.0 + ROUNDING) + MARGIN
+        try:
+            for part, mesh in self._around(a, a, np.inf, stop):
+                if locate(mesh, a - self._origin) >= 0:
+                    away = float(shapely.distance(part, place))
+                    return away > (goal.position_tolerance + self._offset) * (1.0 + ROUNDING) + MARGIN
+        except TimeoutError:
+            pass
         return False
 
-    def seconds(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> float:
-        """Return how long :meth:`of` is expected to take."""
-        growing, cutting = self._work_left(start, goal, limit)
-        return GROWING * growing + CUTTING * cutting or ASKING
+    @property
+    def ready(self) -> bool:
+        """Whether what queries share is computed."""
+        return self._parts is not None or self.tangents is not None
 
-    def seconds_for_region(self) -> float:
-        """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
-        begun = self._parts is not None or self.tangents is not None
-        return 0.0 if begun else self.seconds_for_parts()
-
-    def seconds_for_parts(self) -> float:
-        """Return how long it is expected to take to make a disc's region in the whole world, whatever its radius."""
-        return GROWING * region_work(self._size)
-
-    def make_region(self, left: float = np.inf) -> None:
-        """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter.
-
-        Args:
-            left: seconds; it is given up if it would hardly be made by then.
-        """
-        if self.tangents is None:
-            with suppress(TimeoutError):
-                self._whole_region(perf_counter() + LAST * left)
-
-    def _work_left(self, start: FloatArray, goal: FloatArray, limit: float) -> tuple[float, float]:
-        """Return how much work making the region, and cutting it, :meth:`of` has to do, in vertices of a small one."""
-        if self.tangents is not None:
-            return 0.0, 0.0
-        a, b = (se2.transform(q, self._center[0][None])[0] for q in (start, goal))
-        longest = limit * self._stretch
-        if not self._whole(longest):
-            corners = self._corners(ellipse(a, b, longest))
-            return region_work(corners), region_work(ROUNDED * corners)
-        if self.seconds_for_region() > 0.0:
-            return region_work(self._size), region_work(ROUNDED * self._size)
-        parts = self._whole_region()
-        for part in self._around(parts, a, b):
-            if part not in self._meshes:
-                return 0.0, region_work(int(shapely.get_num_coordinates(parts[part])))
-            if self._meshes[part] is not None:
-                break
-        return 0.0, 0.0
-
-    def _whole(self, longest: float) -> bool:
-        """Return whether a query whose paths go so far (metres) looks at the region of the whole world."""
-        return self.ready or self._size <= self.large or not np.isfinite(longest)
-
-    def _corners(self, within: Any = None) -> float:
-        """Return about how many corners obstacles have in a polygon, or everywhere; to tell which are in it counts."""
-        if within is None:
-            return float(self._size)
-        xmin, ymin, xmax, ymax = self.world.bounds
-        share = min(1.0, float(within.area) / ((xmax - xmin) * (ymax - ymin)))
-        return share * self._size + NEARNESS * len(self.world.obstacles)
-
-    def _in_the_open(self, start: FloatArray, goal: FloatArray) -> float:
-        """Return what the way would cost without obstacles, metres."""
-        steering = Steering.of(self.robot)
-        return float(se2.distance(start, goal) if steering is None else steering.lengths(start, goal))
+    @property
+    def takes_long(self) -> bool:
+        """Whether a bound may take more than a few tenths of a second."""
+        return self.corners > self.large and not self.ready
 
     @cached_property
     def tangents(self) -> GridTangents | None:
         """What proves the bounds of a grid map; None for other worlds."""
-        return GridTangents.of(self.world, self.robot.inscribed_disc.radius)
+        return GridTangents.of(self.world, self._radius)
 
-    @property
-    def _stretch(self) -> float:
-        """How many metres the disc's centre goes at most for each metre that a path costs."""
-        offset, radius = self._center[1], self.robot.turning_radius
-        return max(1.0, offset / se2.ROTATION_WEIGHT) if radius is None else 1.0 + offset / radius
+    def _shortest(self, a: FloatArray, b: FloatArray, longest: float, stop: Stop | None) -> tuple[float, FloatArray]:
+        """Return a length (metres) that no way of the disc's centre from a to b is shorter than, and that way's bends.
 
-    @cached_property
-    def _center(self) -> tuple[FloatArray, float]:
-        """The disc's centre in the robot's frame, shape (2,), and its distance from the reference point, metres."""
-        center = np.array(self.robot.inscribed_disc.center)
-        return center, float(np.hypot(*center))
-
-    @cached_property
-    def _size(self) -> int:
-        """About how many corners all obstacles have."""
-        if self._grid is not None:
-            # At once: to go through thousands of obstacles takes as long as planning may.
-            return 4 * len(self._grid.segments) + 8 * QUARTER * len(self._grid.discs) + 4
-        corners = 0
-        for shape in self.world.obstacles:
-            corners += 8 * QUARTER if isinstance(shape, Disc) else 4 * sum(len(r) for r in shape.polygon().rings())
-        return corners + 4
-
-    @property
-    def ready(self) -> bool:
-        """Whether some of the region of the whole world is cut already, so that a bound there takes little."""
-        return self._parts is not None and bool(self._meshes)
-
-    def _along_tangents(
-        self, tangents: GridTangents, a: FloatArray, b: FloatArray, by: float
-    ) -> tuple[float, FloatArray] | None:
-        """Return what `_shortest` does, or a lower bound on the length where the clock says ``by`` before."""
-        search = tangents.search(a, b)
-        while perf_counter() < by and not search.run(PART):
-            pass
-        if not np.isfinite(search.bound):
-            # That there is none is proven elsewhere, by two programs.
-            return None
-        return tangents.bound(search), np.empty((0, 2))
-
-    def _shortest_within(
-        self, a: FloatArray, b: FloatArray, longest: float, by: float
-    ) -> tuple[float, FloatArray] | None:
-        """Return what `_shortest` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
-        around = ellipse(a - self._origin, b - self._origin, longest)
-        parts = self._cut(around, by)
-        for part in self._around(parts, a, b):
-            mesh = self._proven(parts[part], by, (a, b), longest)
-            if mesh is not None:
-                found = self._in(mesh, a, b)
-                return None if found is None else (min(found[0], longest * (1.0 - ROUNDING)), found[1])
-        return None
-
-    def _shortest(self, a: FloatArray, b: FloatArray, by: float) -> tuple[float, FloatArray] | None:
-        """Return the length of the disc centre's shortest path and its bends; None if that cannot be told.
-
-        Raises:
-            TimeoutError: what is left to do would not be done when the clock says ``by``.
+        It is infinite if there is no way; 0 if nothing can be told.
         """
-        parts = self._whole_region(by)
-        for part in self._around(parts, a, b):
-            if part not in self._meshes:
-                self._meshes[part] = self._proven(parts[part], by)
-            mesh = self._meshes[part]
-            if mesh is not None:
-                return self._in(mesh, a, b)
-        return None
-
-    def _in(self, mesh: Mesh, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
-        """Return what `_shortest` does, by a mesh that no path leaves; None if it holds neither end."""
+        if self.tangents is not None:
+            search = self.tangents.search(a, b)
+            while not (stop is not None and stop()) and not search.run(PART):
+                pass
+            # That there is none is proven elsewhere, by two programs.
+            known = self.tangents.bound(search) if np.isfinite(search.bound) else 0.0
+            return known, np.empty((0, 2))
         ends = a - self._origin, b - self._origin
-        inside = [locate(mesh, end) >= 0 for end in ends]
-        if not any(inside):
-            # Rounding. Nothing is claimed.
-            return None
-        if not all(inside):
-            return np.inf, np.empty((0, 2))
-        length, path = shortest_point_path(mesh, *ends)
-        if not np.isfinite(length):
-            return None
-        size = max(float(np.abs(self.world.bounds).max()), float(np.abs(mesh.points).max()))
-        return max(0.0, length * (1.0 - ROUNDING) - DIGITS * size * (len(path) + 4)), path + self._origin
+        most = np.inf if self._whole(longest) else longest * (1.0 - ROUNDING)
+        for _, mesh in self._around(a, b, longest, stop):
+            inside = [locate(mesh, end) >= 0 for end in ends]
+            if not all(inside):
+                # Of neither, by rounding, nothing is claimed.
+                return (most if any(inside) else 0.0), np.empty((0, 2))
+            length, path = shortest_point_path(mesh, *ends)
+            if not np.isfinite(length):
+                break
+            size = max(float(np.abs(self.world.bounds).max()), float(np.abs(mesh.points).max()))
+            least = max(0.0, length * (1.0 - ROUNDING) - DIGITS * size * (len(path) + 4))
+            return min(least, most), path + self._origin
+        return 0.0, np.empty((0, 2))
 
-    def _proven(self, part: Any, by: float, ends: Ends | None = None, longest: float = np.inf) -> Mesh | None:
-        """Return a part of the region cut into triangles, None unless it is proven that none but long paths leave it.
+    def _whole(self, longest: float) -> bool:
+        """Return whether ways that go so far (metres) are looked for in the region of the whole world."""
+        return self._parts is not None or self.corners <= self.large or not np.isfinite(longest)
+
+    def _around(self, a: FloatArray, b: FloatArray, longest: float, stop: Stop | None) -> Iterator[tuple[Any, Mesh]]:
+        """Yield the parts that an end lies in, the smaller first, and that none but longer ways are proven to leave.
 
         Args:
-            part: polygon relative to the origin.
-            by: reading of the clock by which it is to be done, or a TimeoutError is raised.
-            ends: of a query: ways longer than ``longest`` may leave it.
-            longest: metres.
+            a: where the disc's centre begins, shape (2,).
+            b: where it ends.
+            longest: metres; in a large world only ways no longer than that are looked at.
+            stop: may raise a TimeoutError.
         """
-        if perf_counter() + SLOWER * CUTTING * region_work(int(shapely.get_num_coordinates(part))) > by:
-            raise TimeoutError
-        mesh, shut_in = triangulated(part), False
-        if mesh is not None:
-            edges = mesh.points[mesh.edges] + self._origin
-            shut_in = self._separation.shuts_in(edges, ends, longest * (1.0 - ROUNDING))
-        return mesh if shut_in else None
-
-    def _cut(self, within: Any, by: float) -> Any:
-        """Return the region's parts, in a polygon or everywhere, relative to the origin, shape (n,)."""
-        return region_parts(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin, by=by)
-
-    def _around(self, parts: Any, a: FloatArray, b: FloatArray) -> list[int]:
-        """Return the parts, one or two, in which the ends lie; the smaller first, which is soonest proven."""
+        whole = self._whole(longest)
+        within = None if whole else ellipse(a - self._origin, b - self._origin, longest)
+        xmin, ymin, xmax, ymax = self.world.bounds
+        share = 1.0 if within is None else min(1.0, float(within.area) / ((xmax - xmin) * (ymax - ymin)))
+        if share * self.corners > LARGEST:
+            return
+        parts, meshes = self._parts, self._meshes
+        if not whole or parts is None:
+            parts = region_parts(self.world, self._radius, within, origin=self._origin, stop=stop)
+            meshes = {}
+        if whole:
+            self._parts, self._meshes = parts, meshes
         at = [shapely.intersects_xy(parts, *(end - self._origin)) for end in (a, b)]
-        return sorted(np.flatnonzero(at[0] | at[1]).tolist(), key=lambda n: int(shapely.get_num_coordinates(parts[n])))
-
-    @cached_property
-    def _origin(self) -> FloatArray:
-        return local_origin(self.world)
+        for n in sorted(
+            np.flatnonzero(at[0] | at[1]).tolist(), key=lambda n: int(shapely.get_num_coordinates(parts[n]))
+        ):
+            if n not in meshes:
+                look(stop)
+                mesh = triangulated(parts[n])
+                if mesh is not None:
+                    edges = mesh.points[mesh.edges] + self._origin
+                    ends = None if whole else (a, b)
+                    if not self._separation.shuts_in(edges, ends, longest * (1.0 - ROUNDING)):
+                        mesh = None
+                meshes[n] = mesh
+            if (known := meshes[n]) is not None:
+                yield parts[n], known
 
     @cached_property
     def _separation(self) -> Separation:
-        return Separation(self.world, self.robot.inscribed_disc.radius, self._grid)
+        return Separation(self.world, self._radius, self._grid)
 
-    def _whole_region(self, by: float = np.inf) -> Any:
-        """Return the parts of the whole world's region, shape (n,), made once."""
-        if self._parts is None:
-            self._parts = self._cut(None, by)
-        return self._parts
 
-    @cached_property
-    def _meshes(self) -> dict[int, Mesh | None]:
-        return {}
+def lower_bound_of(motion: Motion) -> LowerBound:
+    """Return what proves lower bounds on the cost of paths of a robot's motions."""
+    checker = motion.checker
+    weighted = motion if isinstance(motion, WeightedMotion) else None
+    return LowerBound(checker.world, checker.robot, checker.grid, motion=weighted)

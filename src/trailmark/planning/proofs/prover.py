@@ -1,28 +1,99 @@
-"""Prover: lower bounds and infeasibility, asked for in one place, as far as there is time for them.
+"""Prover: lower bounds and infeasibility, looked for in threads of their own beside the search for a path.
 
-The kernels on both sides release Python's global lock, so that on a machine with a second core neither waits for the
+The kernels and shapely release Python's global lock, so that on a machine with a second core neither waits for the
 other. Nothing that is planned depends on it but when planning ends.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from threading import Event, Thread
 from time import perf_counter
-from typing import Self
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
-from trailmark.collision import StateChecker
 from trailmark.landmarks.band import Band
-from trailmark.planning.proofs import AnyBound, enclosed
+from trailmark.planning.proofs.bound import LowerBound
 from trailmark.planning.proofs.claims import grid_separates
+from trailmark.planning.proofs.enclosure import enclosed
+from trailmark.planning.proofs.region import Stop
 from trailmark.planning.query import Query
-from trailmark.se2 import FloatArray
 
-__all__ = ["BackgroundProof", "Prover"]
+__all__ = ["Background", "Prover", "in_time"]
 
 POLLING = 0.01
 """Seconds between two looks at the clock, and whether to stop, while a proof is waited for."""
+
+CELLS = 1_000_000
+"""Taken at most in a proof with headings: a few seconds."""
+
+GRACE = 0.01
+"""Seconds for whoever is told to stop, to hand over what is known."""
+
+T = TypeVar("T")
+
+
+class Background(Generic[T]):
+    """Something that is looked for in a thread of its own, until it is found or no longer wanted.
+
+    Args:
+        look: finds it, unless the function that it is given says to stop.
+        name: of the thread.
+    """
+
+    def __init__(self, look: Callable[[Stop], T], name: str) -> None:
+        self._look, self._found, self._error = look, list[T](), list[Exception]()
+        self._unwanted = Event()
+        self._thread = Thread(target=self._run, name=name)
+
+    def _run(self) -> None:
+        try:
+            self._found.append(self._look(self._unwanted.is_set))
+        except Exception as error:  # it is raised where the result is asked for
+            self._error.append(error)
+
+    def begin(self) -> Self:
+        """Begin to look."""
+        self._thread.start()
+        return self
+
+    def wait(self, seconds: float) -> None:
+        """Wait for it, so long at most."""
+        self._thread.join(min(seconds, 1e6))
+
+    @property
+    def running(self) -> bool:
+        """Whether it is still looked for."""
+        return self._thread.is_alive()
+
+    def found(self) -> T | None:
+        """Return what was found; None while it is looked for."""
+        if self._error:
+            raise self._error[0]
+        return self._found[0] if self._found else None
+
+    def cancel(self) -> None:
+        """Let it end at its next look, without waiting for that: within 10 ms, or as soon as shapely returns."""
+        self._unwanted.set()
+
+    def end(self) -> None:
+        """Stop looking, and wait for that."""
+        self.cancel()
+        # An exception may have arrived while the thread began: one that has not begun to run cannot be waited for.
+        if self._thread.is_alive():
+            self._thread.join()
+
+
+def in_time(seconds: float, look: Callable[[Stop], T], name: str = "in time") -> T | None:
+    """Return what a function finds within some seconds, or as soon as it is told to stop then; else None."""
+    task = Background(look, name)
+    try:
+        task.begin().wait(seconds)
+    finally:
+        task.cancel()
+    task.wait(GRACE)
+    return task.found()
 
 
 class Prover:
@@ -33,91 +104,83 @@ class Prover:
         bound: proves lower bounds in this world; None proves none.
     """
 
-    def __init__(self, query: Query, bound: AnyBound | None) -> None:
+    def __init__(self, query: Query, bound: LowerBound | None) -> None:
         self.query, self.bound = query, bound
         query.incumbent.bounded = bound is None
-        self._background: BackgroundProof | None = None
-        self._seconds, self._waited = 0.0, False
+        self._bounding: Background[float] | None = None
+        self._enclosing: Background[bool] | None = None
+        self._waited = False
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        if self._background is not None:
-            self._background.end()
-
-    def seconds(self) -> float:
-        """Return what a lower bound is expected to take, seconds; once the region is made, what it was."""
-        if self.bound is not None:
-            # The better the path, the less there is to do. Once it is done, what it took is known no more.
-            seconds = self._seconds_left_of(self.bound)
-            self._seconds = seconds if self.bound.seconds_for_region() > 0.0 else max(self._seconds, seconds)
-        return self._seconds
-
-    def _seconds_left_of(self, bound: AnyBound) -> float:
-        incumbent = self.query.incumbent
-        return bound.seconds(incumbent.start, incumbent.goal, incumbent.whole_cost)
+        if self._bounding is not None:
+            self._bounding.cancel()
+        if self._enclosing is not None:
+            self._enclosing.end()
 
     def bound_below(self, share: float) -> None:
-        """Prove a lower bound, once, if that is expected to take no more than a share of the time left.
+        """Prove a lower bound beside whatever comes next, waited for as long as a share of the time left at most.
 
-        If it is not, what is known from the world before it changed is made use of. Where there is no path yet, the
-        region is made first if that alone takes no longer: an end may turn out to lie in a small part of it, which is
-        soon proven to be shut in.
+        A world of many corners is waited for from the second call on. What is not done then is given up.
         """
-        query, incumbent = self.query, self.query.incumbent
-        if self.bound is None or incumbent.bounded:
+        query, incumbent, bound = self.query, self.query.incumbent, self.bound
+        if bound is None or incumbent.bounded:
             return
-        seconds = share * query.seconds_left()
-        expected = self.seconds()
-        if seconds <= expected and not query.solved and self.bound.seconds_for_region() < seconds:
-            self.bound.make_region(query.seconds_left())
-            expected, seconds = self._seconds_left_of(self.bound), share * query.seconds_left()
-        if not expected < seconds:
-            incumbent.claim(self.bound.known(incumbent.start, incumbent.goal))
-            return
-        incumbent.bounded = True
-        ends, left = (incumbent.start, incumbent.goal), query.seconds_left()
-        incumbent.claim(self.bound.of(*ends, incumbent.whole_cost, seconds, left).cost)
+        again = self._bounding is not None
+        if self._bounding is None:
+            ends, cost = (incumbent.start, incumbent.goal), incumbent.whole_cost
+            # Known first, so that an exception in between does not leave it running.
+            self._bounding = Background(lambda stop: bound.of(*ends, cost, stop).cost, "lower bound")
+            self._bounding.begin()
+        if again or not bound.takes_long:
+            self._wait_for(self._bounding, share * query.seconds_left())
+        if again and self._bounding.running:
+            # Part of a bound is one, too.
+            self._bounding.cancel()
+            self._bounding.wait(POLLING)
+        found = self._bounding.found()
+        incumbent.bounded = again or found is not None
+        if found is not None:
+            incumbent.raise_bound(found)
 
     def begin_in_background(self) -> None:
         """Begin to look for a proof, with headings, that no path exists; a disc has none."""
-        query = self.query
-        if query.solved or self._background is not None or not query.motion.turns:
+        query, incumbent = self.query, self.query.incumbent
+        wanted = self.bound is not None and query.motion.turns and query.settings.uses("background-proof")
+        if query.solved or self._enclosing is not None or not wanted:
             return
-        if not query.settings.uses("background-proof"):
-            return
-        if self.bound is not None:
-            incumbent = query.incumbent
-            # Known first, so that an exception in between does not leave it running.
-            seconds = max(0.0, query.seconds_left())
-            self._background = BackgroundProof(query.checker, incumbent.start, incumbent.goal, seconds)
-            self._background.begin()
-
-    def wait(self, seconds: float) -> None:
-        """Wait, once, for what runs in the background, so long at most: a search beside it would slow it down."""
-        if self._background is None or self._waited:
-            return
-        self._waited = True
-        self._wait_for(self._background, seconds)
-
-    def _wait_for(self, proof: BackgroundProof, seconds: float = np.inf) -> None:
-        until = perf_counter() + seconds
-        while proof.running and self.query.seconds_left() > 0.0 and perf_counter() < until:
-            proof.wait(POLLING)
+        ends, seconds = (incumbent.start, incumbent.goal), max(0.0, query.seconds_left())
+        self._enclosing = Background(
+            lambda stop: enclosed(query.checker, *ends, seconds=seconds, stop=stop, budget=CELLS),
+            "proof of infeasibility",
+        )
+        self._enclosing.begin()
 
     @property
     def in_background(self) -> bool:
         """Whether a proof is, or was, looked for in the background."""
-        return self._background is not None
+        return self._enclosing is not None
+
+    def wait(self, seconds: float) -> None:
+        """Wait, once, for what runs in the background, so long at most: a search beside it would slow it down."""
+        if self._enclosing is not None and not self._waited:
+            self._waited = True
+            self._wait_for(self._enclosing, seconds)
+
+    def _wait_for(self, proof: Background[Any], seconds: float = np.inf) -> None:
+        until = perf_counter() + seconds
+        while proof.running and self.query.seconds_left() > 0.0 and perf_counter() < until:
+            proof.wait(POLLING)
 
     def infeasible(self) -> bool:
         """Return whether it is proven by now that there is no path."""
-        if self._background is not None:
+        if self._enclosing is not None:
             if self.query.solved:
-                self._background.cancel()
-            elif self._background.found:
-                self.query.incumbent.claim(np.inf)
+                self._enclosing.cancel()
+            elif self._enclosing.found():
+                self.query.incumbent.raise_bound(np.inf)
         return self.query.incumbent.infeasible
 
     def conclude(self, band: Band | None) -> None:
@@ -131,62 +194,8 @@ class Prover:
             return
         self.bound_below(query.settings.last_proof_share)
         if np.isfinite(band.shortest):
-            if self._background is not None:
-                self._wait_for(self._background)
+            if self._enclosing is not None:
+                self._wait_for(self._enclosing)
                 self.infeasible()
         elif grid_separates(band.relaxation, band.to_goal, query.incumbent.start, query.incumbent.goal):
-            query.incumbent.claim(np.inf)
-
-
-# --- Background: a proof that no path exists, looked for while planning goes on looking for one.
-
-CELLS = 1_000_000
-"""Taken at most: a few seconds."""
-
-
-class BackgroundProof:
-    """Looks for a proof, in a thread of its own, until it is found, cannot be found, or is no longer wanted.
-
-    Args:
-        checker: decides what is valid.
-        start: valid configuration, shape (3,).
-        goal: valid configuration, shape (3,).
-        seconds: time at most.
-
-    Attributes:
-        found: whether it is proven that there is no path.
-    """
-
-    def __init__(self, checker: StateChecker, start: FloatArray, goal: FloatArray, seconds: float) -> None:
-        self.found = False
-        self._query = (checker, start, goal)
-        self._seconds = seconds
-        self._unwanted = Event()
-        self._thread = Thread(target=self._look, name="proof of infeasibility", daemon=True)
-
-    def begin(self) -> None:
-        """Begin to look."""
-        self._thread.start()
-
-    def wait(self, seconds: float) -> None:
-        """Wait for an answer, so long at most."""
-        self._thread.join(seconds)
-
-    @property
-    def running(self) -> bool:
-        """Whether it is still looked for."""
-        return self._thread.is_alive()
-
-    def cancel(self) -> None:
-        """Let it end within some ten milliseconds, without waiting for that."""
-        self._unwanted.set()
-
-    def end(self) -> None:
-        """Stop looking."""
-        self.cancel()
-        if self._thread.ident is not None:
-            self._thread.join()
-
-    def _look(self) -> None:
-        checker, start, goal = self._query
-        self.found = enclosed(checker, start, goal, seconds=self._seconds, stop=self._unwanted.is_set, budget=CELLS)
+            query.incumbent.raise_bound(np.inf)

@@ -1,0 +1,249 @@
+"""Any query, wherever it starts and whatever its goal is: planned, with relaxed clearance if wanted, or replanned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark import se2
+from trailmark.errors import ConfigurationError
+from trailmark.goals import Ends, ReachedGoal, goals_of
+from trailmark.path import Path
+from trailmark.planning.escape import plan_out_of_zones, way_out
+from trailmark.planning.goals import plan_to_goals
+from trailmark.planning.model import WorldModel, WorldModels, zones_at
+from trailmark.planning.pipeline import plan_single
+from trailmark.planning.query import Budget, Incumbent, OnProgress, vertices_of
+from trailmark.planning.reasons import explained
+from trailmark.planning.replanning import MIN_SECONDS, Replanner, ReplanOptions, as_replan
+from trailmark.planning.result import PlanResult, ReplanResult, Status
+from trailmark.planning.space_time import MovingObstacles, SpaceTimeReplanner
+from trailmark.se2 import FloatArray
+
+__all__ = ["plan_any", "plan_explained", "replan"]
+
+TOLERANCE = 1e-3
+"""Metres: clearances that differ by less are not told apart."""
+
+SPARE = 2e-6
+"""Metres less than an end has, since a motion that comes no nearer than that to being too near is certified."""
+
+PROBE_SHARE = 0.25
+"""Of the time left, for finding a path that keeps one clearance; of all, what is left for the best one's path."""
+
+
+def plan_any(
+    model: WorldModel, start: ArrayLike, goal: Ends, budget: Budget, *, on_progress: OnProgress | None = None
+) -> PlanResult:
+    """Return the answer to one query; whoever calls holds the lock of the model's roadmap.
+
+    Raises:
+        ConfigurationError: start or goal is not valid; a start in keep-out zones is, if it is without them.
+    """
+    se2.configurations(start, name="start", by_hand=True)
+    goals = goals_of(goal)
+    plan: Any = plan_single if goals is None else plan_to_goals
+    zones = zones_at(model.checker, start)
+    if not zones:
+        result: PlanResult = plan(model, start, goal if goals is None else goals, budget, on_progress=on_progress)
+        return result
+    if goals is None:
+        end = model.checker.require_valid(goal, "goal")  # type: ignore[arg-type]  # an array then
+        return plan_out_of_zones(model, zones, start, end, budget, plan, on_progress)[0]
+    # Without the zones, those in them would be the nearest.
+    poses = [each.configuration for each in goals]
+    outside = [i for i, pose in enumerate(poses) if pose is None or model.checker.valid(pose)]
+    if not outside:
+        model.checker.require_valid(poses[0] or (), "goal 0")
+    left = tuple(goals[i] for i in outside)
+    result = plan_out_of_zones(model, zones, start, left, budget, plan, on_progress)[0]
+    if result.goal is None:
+        return result
+    return replace(result, goal=replace(result.goal, index=outside[result.goal.index]))
+
+
+def plan_explained(
+    model: WorldModel,
+    start: ArrayLike,
+    goal: Ends,
+    budget: Budget,
+    *,
+    relax: bool = False,
+    on_progress: OnProgress | None = None,
+) -> PlanResult:
+    """Return the answer to one query, and why there is no path; those that let the roadmap grow take turns.
+
+    Raises:
+        ConfigurationError: start or goal is not valid.
+    """
+    with model.shared.lock:
+        if relax and model.checker.robot.clearance > 0.0:
+            return _plan_relaxed(model, start, goal, budget, on_progress)
+        result = plan_any(model, start, goal, budget, on_progress=on_progress)
+        return explained(model, start, goal, result, budget)
+
+
+def _plan_relaxed(
+    model: WorldModel, start: ArrayLike, goal: Ends, budget: Budget, on_progress: OnProgress | None
+) -> PlanResult:
+    """Return a path that keeps what the model's robot is to keep, or as much of it as a bisection finds a path for.
+
+    A clearance is too large if an end does not have it, if it is proven that no path keeps it, or if none is found in a
+    quarter of the time left. The result's ``clearance_bound`` is the least that is proven to be too large; where every
+    one that was refused is, its ``clearance`` is no more than TOLERANCE below.
+    """
+    wanted, bare = model.checker.robot.clearance, model.keeping(0.0)
+    if zones_at(bare.checker, start):
+        return plan_any(bare, start, goal, budget, on_progress=on_progress)
+    ends = [bare.checker.require_valid(start, "start")]
+    if goals_of(goal) is None:
+        ends.append(bare.checker.require_valid(goal, "goal"))  # type: ignore[arg-type]  # no goals: a configuration
+    # No path keeps more than its ends have.
+    bound = min(wanted, *bare.checker.clearance(np.array(ends), cap=wanted).tolist())
+    best, first_time = None, None
+    low, high = 0.0, bound
+    kept = wanted if bound == wanted else max(0.0, bound - SPARE)
+    while True:
+        probe, left = model.keeping(kept), budget.seconds_left()
+        try:
+            result = plan_any(probe, start, goal, budget.part(PROBE_SHARE * left, np.inf), on_progress=on_progress)
+        except ConfigurationError:
+            # An end cannot keep this clearance.
+            if kept == 0.0:
+                raise
+            result = None
+        if result is not None and result.path is not None:
+            best, low = probe, kept
+            first_time = first_time or perf_counter() - budget.begin
+        elif result is None or result.status == "infeasible":
+            bound = min(bound, kept)
+        if best is not probe:
+            high = kept
+        # Whether there is a path at all comes second.
+        kept = 0.5 * (low + high) if best is not None else 0.0
+        if high == 0.0 or high - low <= TOLERANCE or left < PROBE_SHARE * budget.limit or budget.is_up():
+            break
+    # The first path is known to its roadmap.
+    last = best or bare
+    result = plan_any(last, start, goal, budget.part(budget.seconds_left()), on_progress=on_progress)
+    result = explained(last, start, goal, result, budget)
+    time = {**result.time, "total": perf_counter() - budget.begin, "first_solution": first_time}
+    return replace(result, clearance_bound=bound, time=time)
+
+
+def replan(models: WorldModels, start: ArrayLike, goal: Ends, path: Path, options: ReplanOptions) -> ReplanResult:
+    """Return the answer of :meth:`trailmark.LandmarkPlanner.replan`, whose arguments these are.
+
+    With goals, the path being followed is replanned to where it ends if a goal holds that; where none does, or no path
+    leads there any more, the cheapest of the goals is planned to. Lower bounds hold for one end alone and are left out
+    unless that is done.
+
+    Raises:
+        ConfigurationError: start or goal is no configuration, or there is none to go to.
+    """
+    goals = goals_of(goal)
+    if goals is None:
+        return _replan_single(models, start, goal, path, options)  # type: ignore[arg-type]  # an array then
+    end, found = path.states[-1], None
+    held = [i for i, each in enumerate(goals) if each.contains(end)]
+    if held:
+        found = _replan_single(models, start, end, path, options)
+        if found.path is not None:
+            i = min(held, key=lambda i: goals[i].cost)
+            reached = ReachedGoal(i, (float(end[0]), float(end[1]), float(end[2])), goals[i].cost)
+            return replace(found, lower_bound=None, goal=reached, target=goals)
+    model, reason = (
+        models.full,
+        "the path leads to another goal" if found is None else "the path to its goal is blocked",
+    )
+    with model.shared.lock:
+        # A first path will do, unless there is time for better ones.
+        gap = 0.0 if options.improvement > 0.0 else np.inf
+        budget = Budget(max(options.seconds_left(), MIN_SECONDS), gap=gap)
+        try:
+            return as_replan(explained(model, start, goals, plan_any(model, start, goals, budget), budget), reason)
+        except ConfigurationError:
+            if found is None:
+                raise
+            return found
+
+
+def _replan_single(
+    models: WorldModels, start: ArrayLike, goal: ArrayLike, path: Path, options: ReplanOptions
+) -> ReplanResult:
+    """Return the path to follow from here on to one configuration."""
+    ends = np.array([_configuration(start, "start"), _configuration(goal, "goal")])
+    in_time = None
+    # A car gives way by manoeuvres, which are not sought: what an obstacle sweeps is occupied for it.
+    if options.speed is not None and models.world.moving and models.motion.moves_anywhere:
+        model = models.standing
+        with model.shared.lock:
+            if model.checker.states_free(ends).all():
+                moving = MovingObstacles.of([each for each in models.world.moving if each], model.checker.footprint)
+                query = SpaceTimeReplanner(Replanner(model, ends[0], ends[1], options), moving, options.speed)
+                in_time = query.answer(path)
+                if in_time.path is not None or options.seconds_left() <= 0.0 or query.ends_are_swept():
+                    return in_time
+    model = models.full
+    with model.shared.lock:
+        found = _replan_in(model, ends, path, options)
+    # What no obstacle ever sweeps is clear of all of them at any time.
+    return found if in_time is None or (found.path is not None and not found.escape) else in_time
+
+
+def _replan_in(model: WorldModel, ends: FloatArray, path: Path, options: ReplanOptions) -> ReplanResult:
+    """Return the path to follow from here on in one model, whose lock is held; it leads out of what it starts in."""
+    start, goal = ends
+    free = model.checker.states_free(ends)
+    if free.all():
+        return Replanner(model, start, goal, options).answer(path)
+    if free[1] and (zones := zones_at(model.checker, start)) and model.without(zones).checker.valid(start):
+
+        def resume(q: FloatArray, budget: Budget) -> ReplanResult:
+            return Replanner(model, q, goal, replace(options, deadline=budget.begin + budget.limit)).answer(path)
+
+        budget = Budget(max(options.seconds_left(), MIN_SECONDS))
+        out_of, escape = plan_out_of_zones(model, zones, start, goal, budget, plan_single, rest=resume)
+        names = " and ".join(zones)
+        reason = f"no path out of {names} was found" if out_of.path is None else f"the path leaves {names} first"
+        return replace(as_replan(out_of, ""), reason=reason, escape=escape)
+    end, name = (ends[0], "robot") if free[1] else (goal, "goal")
+    problem = f"the {name} {model.checker.fault(end)}"
+    if not free[1] or not options.escape:
+        return _nothing(model, ends, "infeasible", problem)
+    out = way_out(model.checker, start)
+    if out is None:
+        return _nothing(model, ends, "timeout", f"{problem}, and no way out was found")
+    rest = Replanner(model, out[-1], goal, options).answer(path)
+    if rest.path is None:
+        return replace(rest, reason=f"{problem}; from where it is free: {rest.reason}", nearest=Path(out))
+    motion = model.motion
+    states = np.vstack([out, vertices_of(motion, rest.path)[1:]])
+    whole = motion.path(motion.whole_states(states, start, goal))
+    return replace(
+        rest,
+        path=model.verification.followed_by_lines(whole, leaves=True),
+        kept=False,
+        lower_bound=None,
+        min_clearance=0.0,
+        escape=len(motion.path(out)) - 1,
+        reason=f"{problem}: the path leads out first",
+    )
+
+
+def _configuration(q: ArrayLike, name: str) -> FloatArray:
+    state = se2.configurations(q, name=name)
+    if state.ndim != 1:
+        raise ConfigurationError(f"{name}: expected shape (3,), got {state.shape}")
+    return state
+
+
+def _nothing(model: WorldModel, ends: FloatArray, status: Status, reason: str) -> ReplanResult:
+    """Return a result without a path."""
+    incumbent = Incumbent(model.motion, ends[0], ends[1], perf_counter())
+    result = model.verification.result(incumbent, status, None, model.shared.roadmap)
+    return replace(as_replan(result, ""), reason=reason)
