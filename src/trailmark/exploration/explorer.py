@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from time import perf_counter
+from time import perf_counter, thread_time
 from types import FrameType
 from typing import Literal, get_args
 
@@ -77,8 +77,12 @@ FIRST = 0.15
 """Of the planning time, where it is not certain that there is a way; twice as long after each landmark in a row to
 which none was found, up to all of it."""
 
-PATIENCE = 0.05
-"""Seconds after which a way is good enough, if one has been found."""
+PATIENCE, LONGEST = 0.05, 0.2
+"""Seconds of computing after which a way is good enough, if one has been found that is about as long as the cells tell;
+and after which any is."""
+
+DETOUR = 1.1
+"""Times as long as the cells tell that such a way is at most, but for turns: a first one may be ten times as long."""
 
 GAP = 0.02
 """Share by which a way may be longer than the shortest."""
@@ -435,7 +439,8 @@ class Explorer:
         landmark, any_heading = found.outlook.landmarks[index], bool(found.any_heading[index])
         share = 1.0 if any_heading else min(FIRST * 2**memory.failed, 1.0)
         goal = Goal(pose=tuple(landmark[: 2 if any_heading else 3].tolist()))
-        result = self._way(here, goal, share * self.settings.planning_time, PATIENCE)
+        about = DETOUR * float(found.outlook.costs[index]) + (0.5 * np.pi if self.robot.heading_matters else 0.0)
+        result = self._way(here, goal, share * self.settings.planning_time, about)
         reason = "that there is none is proven" if result.status == "infeasible" else "none was found in time"
         if result.path is not None and not (self.robot.reverse or self._comes_back(result.path.states[-1])):
             reason = "no way back from there was found, and the robot does not drive backwards"
@@ -447,16 +452,19 @@ class Explorer:
         memory.refuse(self.mapper.known, landmark, result.status == "infeasible" and any_heading)
         return [f"no path to a landmark: {reason}", *(self._leave() if memory.failed >= DOUBTFUL else [])]
 
-    def _way(self, here: FloatArray, goal: Goal, seconds: float, patience: float) -> PlanResult:
-        """Return a way that is about the shortest, or after so many seconds the best that there is, if there is one."""
-        found, begin = list[float](), perf_counter()
+    def _way(self, here: FloatArray, goal: Goal, seconds: float, about: float) -> PlanResult:
+        """Return a way that is about the shortest, or after so many seconds the best that there is, if there is one.
+
+        One that costs no more than about as much is good enough after PATIENCE, any after LONGEST.
+        """
+        best, begin = math.inf, thread_time()
 
         def note(progress: PlanProgress) -> None:
-            if progress.cost is not None:
-                found.append(progress.cost)
+            nonlocal best
+            best = best if progress.cost is None else progress.cost
 
         def stop() -> bool:
-            return bool(found) and perf_counter() - begin > patience
+            return best < math.inf and thread_time() - begin > (PATIENCE if best <= about else LONGEST)
 
         return self.planner.plan(here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
 
@@ -471,23 +479,25 @@ class Explorer:
             return True
         nearest = there[np.argmin(np.hypot(*(there - end)[:, :2].T))]
         goal = known.centres(*known.cells_of(nearest[None, :2]))[0]  # with room for any heading
-        return self._way(end, Goal(pose=tuple(goal.tolist())), self.settings.planning_time, 0.0).path is not None
+        return self._way(end, Goal(pose=tuple(goal.tolist())), self.settings.planning_time, math.inf).path is not None
 
     def _finish(self, found: Survey, here: FloatArray, escape: FloatArray) -> list[str]:
         """End, with the proof that all has been seen or without; before that, go back or home if there is need."""
         known, memory = self.mapper.known, self._memory
         if memory.refused.any() and (left := self._leave()):
             return left
-        if found.doubts and self._state.blocked:
+        if found.doubts is not None and self._state.blocked:
             self._end("stuck", "something that is not in the map is in the robot's way, and no way around it was found")
             return []
-        status: Status = "complete-at-confidence" if found.doubts else "complete"
+        status: Status = "complete" if found.doubts is None else "complete-at-confidence"
         reason = "everything has been seen that can be seen from where the robot can get to"
-        if found.doubts:
+        if found.doubts is not None:
+            x, y = found.doubts
             reason += (
-                f", but through passages that are narrower than the robot and two cells of {known.cell:.3g} m"
+                f", but not through a passage near ({x:.2f}, {y:.2f}) that is narrower than the robot and two cells of "
+                f"{known.cell:.3g} m"
                 + (f" and {2.0 * self.mapper.margin:.3g} m to be safe" if self.mapper.margin > 0.0 else "")
-                + " or to which no way was found; a smaller --cell tells more"
+                + ", or to which no way was found; a smaller --cell tells more"
             )
         target = self._way_out(self.start)[-1]
         if not self.settings.return_home or np.hypot(*(here - target)[:2]) <= self._tolerance:

@@ -122,6 +122,14 @@ class KnownMap:
         """Centres of the cells in which the robot ran into something, shape (n, 2), metres."""
         return self.centres(*np.nonzero(self._contacts))
 
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """Where a beam ended last in each cell, x, y from the cell's corner, in cells, shape (rows, columns, 2).
+
+        Not a number where none did.
+        """
+        return self._point
+
     def set_state(self, state: NDArray[np.uint8]) -> None:
         """Take over the state of all cells, shape as before; what the robot ran into stays."""
         state = np.where(self._contacts, OCCUPIED, state).astype(np.uint8)
@@ -132,7 +140,7 @@ class KnownMap:
         """Forget what is known of all cells, but for what the robot ran into."""
         shape = self.state.shape
         self._evidence, self._stamp = np.zeros(shape, np.int8), np.full(shape, -1, np.int32)
-        self._normal = np.zeros((*shape, 2), np.float32)
+        self._normal, self._point = np.zeros((*shape, 2), np.float32), np.full((*shape, 2), np.nan, np.float32)
         self.state[:] = np.where(self._contacts, OCCUPIED, UNKNOWN)
         self.revision += 1
 
@@ -163,7 +171,7 @@ class KnownMap:
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         normals[kinds == MET] = point_cloud(scan, max_range).normals @ np.array([[cos, sin], [-sin, cos]])
         self._scans += 1
-        cells = self.state, self._evidence, self._normal, self._stamp, self._contacts
+        cells = self.state, self._evidence, self._normal, self._point, self._stamp, self._contacts
         gap = abs(scan.angle_increment)
         self.revision += int(enter_scan(*cells, self._scans, start, ends, kinds, normals, gap, self.noise / self.cell))
 
@@ -263,13 +271,14 @@ def rectangles(mask):  # type: ignore[no-untyped-def]  # numba infers the types
 
 
 @njit(nogil=True)
-def enter_scan(state, evidence, normal, stamp, fixed, now, start, ends, kinds, normals, gap, sigma):  # type: ignore[no-untyped-def]  # numba infers the types
+def enter_scan(state, evidence, normal, point, stamp, fixed, now, start, ends, kinds, normals, gap, sigma):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a scan, all of it in cells from the grid's corner on; return whether the state of any cell changed.
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED of each cell, shape (rows, columns).
         evidence: beams that ended in it, HIT times as many, less those that went through it.
         normal: across the surface in it; zero where that is not known.
+        point: where a beam ended in it last, from the cell's corner on.
         stamp: the last scan that met something in it.
         fixed: which stay as they are.
         now: the scan's number.
@@ -298,6 +307,7 @@ def enter_scan(state, evidence, normal, stamp, fixed, now, start, ends, kinds, n
         ):
             ox, oy = ends[k + 1]
         i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(ex, ey, ox, oy)
+        share = 0.0
         for step in range(abs(last_i - i) + abs(last_j - j) + 1):
             if step > 0 and i == last_i and j == last_j:
                 break  # it is entered with the next beam
@@ -306,10 +316,14 @@ def enter_scan(state, evidence, normal, stamp, fixed, now, start, ends, kinds, n
                 r, c = min(max(j, 0), rows - 1), min(max(i, 0), columns - 1)
                 evidence[r, c] = min(most, evidence[r, c] + weight)
                 stamp[r, c] = now
+                # In cells in between, in the middle of the line through them.
+                along = 0.5 * (share + min(next_i, next_j)) if step > 0 else 0.0
+                point[r, c, 0], point[r, c, 1] = ex + along * (ox - ex) - c, ey + along * (oy - ey) - r
                 if normals[k, 0] != 0.0 or normals[k, 1] != 0.0:
                     normal[r, c] = normals[k]
                 if state[r, c] != OCCUPIED and evidence[r, c] > 0:
                     state[r, c], changed = OCCUPIED, True
+            share = min(next_i, next_j)
             if next_i < next_j:
                 next_i += each_i
                 i += step_i

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.exploration.frontiers import Frontiers, frontiers_of, nearest_looks, places_in_sight, sight
 from trailmark.exploration.known_map import KnownMap
-from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, Travel, can_get_to, reach_of
+from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, Travel, can_get_to, reach_of, way_towards
 from trailmark.exploration.strategies import Outlook
 from trailmark.landmarks.executions import landmarks_for_area
 from trailmark.landmarks.sampling import k_means_landmarks
+from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["MOST_TRIES", "Memory", "Survey", "survey"]
@@ -131,10 +132,11 @@ class Survey(NamedTuple):
     """For each landmark, the unknown cells at the frontiers that it is to show."""
     any_heading: NDArray[np.bool_]
     """Which landmarks may be come to with any heading, shape (n,)."""
-    doubts: bool
-    """Without landmarks, whether anything would be in sight from a cell to which the robot itself, without a margin, is
-    not proven unable to get. False is a proof that all has been seen: nothing is in sight from the centre of any cell
-    that the robot may get to, but through gaps of a cell or two, and what stayed unknown although it was looked at."""
+    doubts: tuple[float, float] | None
+    """Without landmarks, x, y of a passage, metres, through which the robot itself, without a margin, is not proven
+    unable to get to where something would be in sight. None is a proof that all has been seen: nothing is in sight from
+    the centre of any cell that the robot may get to, but through gaps of a cell or two, and what stayed unknown
+    although it was looked at."""
 
 
 def survey(
@@ -183,13 +185,12 @@ def survey(
         memory.before = memory.reach
     search = _Search(known, checker, memory, frontiers, farthest, (pose[:2] - np.asarray(known.origin)) / cell)
     cells, headings, far, near = search.candidates(sensor_range / cell, rng)
-    doubts = False
+    doubts = None
     if not len(cells):
         # From here, and from where there is most room: what lies elsewhere may have been shut since.
         been &= memory.reach.main_room()
         been[known.cells_of(pose[None, :2])] = True
-        ranks = can_get_to(known, been, robot.keeping(0.0)).astype(np.uint8)
-        doubts = bool((places_in_sight(state, ranks, frontiers.edges, farthest, 1, DENSE) >= 0).any())
+        doubts = _doubtful_passage(known, been, robot.keeping(0.0), frontiers, farthest)
     seen = np.asarray(far.any(axis=0))
     frontiers, far, near = frontiers.subset(seen), far[:, seen], near[:, seen]
     # An edge counts as seen from afar only where no landmark sees it from near.
@@ -216,6 +217,22 @@ def survey(
     shown = np.where(np.asarray(sees.any(axis=1))[:, None], sees, far)
     expected = tuple((frontiers.unknown[row, 0], frontiers.unknown[row, 1]) for row in shown)
     return Survey(outlook, expected, np.isnan(headings), doubts)
+
+
+def _doubtful_passage(
+    known: KnownMap, been: NDArray[np.bool_], robot: Robot, frontiers: Frontiers, farthest: FloatArray
+) -> tuple[float, float] | None:
+    """Return x, y of where the robot perhaps gets through to see an edge, None where it is proven that it does not."""
+    possible = can_get_to(known, been, robot)
+    while True:
+        ranks = possible.astype(np.uint8)
+        found = places_in_sight(known.state, ranks, frontiers.edges, farthest, MOST_DRAWS, DENSE)
+        places = np.column_stack(np.divmod(np.unique(found[found >= 0]), ranks.shape[1]))
+        if not len(places):
+            return None
+        if (passage := way_towards(known, been, robot, places)) is not None:
+            return passage
+        possible[tuple(places.T)] = False
 
 
 def _note_looks(
