@@ -35,10 +35,10 @@ from tests.helpers.random_worlds import star_polygon
 from benchmarks.report import Claim, keep
 from trailmark.errors import TrailmarkError
 from trailmark.estimation import MappingSettings, MapSettings, RangeBearing, Unicycle, disc_estimates, map_log
-from trailmark.estimation.risk.allocation import regrow
-from trailmark.estimation.scans.scan_features import ScanSettings
-from trailmark.estimation.simulation.simulator import simulate
-from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.estimation.risk import regrow
+from trailmark.estimation.scan_features import ScanSettings
+from trailmark.estimation.simulation import simulate
+from trailmark.estimation.virtual_sensors import Detector, Scanner
 from trailmark.planning import LandmarkPlanner
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from trailmark import Robot, World
-from trailmark.estimation.logs.records import Record
+from trailmark.estimation.records import Record
 from trailmark.exploration import DriveReport, ExplorationSettings, Explorer, Outlook, SimulatedRobot, save_exploration
 from trailmark.exploration.simulated_robot import laser_scanner
 from trailmark.plotting import draw_exploration, save_exploration_figure

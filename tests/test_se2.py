@@ -128,6 +128,7 @@ def test_composition_has_an_identity_and_inverses(a: np.ndarray) -> None:
     scale = float(np.abs(a).max())
     assert close(se2.compose(a, inverse), identity, scale)
     assert close(se2.compose(inverse, a), identity, scale)
+    assert close(se2.between(a, identity), inverse, scale)
 
 
 @pytest.mark.slow

@@ -172,7 +172,7 @@ def _any_path(path: Path) -> None:
 
 
 def _log(path: Path) -> None:
-    from trailmark.estimation.logs import load_log
+    from trailmark.estimation.readers import load_log
 
     for skip in (False, True):
         try:
@@ -269,7 +269,7 @@ def _bag(kind: str) -> Callable[[Path], None]:
 
 
 def _gps(path: Path) -> None:
-    from trailmark.estimation.logs.victoria import read_gps
+    from trailmark.estimation.readers.victoria import read_gps
 
     read_gps(path)
 

@@ -1,6 +1,6 @@
 """How well an obstacle is known, and for which risk a world's obstacles were grown.
 
-:mod:`trailmark.estimation.risk.allocation` makes worlds of such obstacles.
+:mod:`trailmark.estimation.risk` makes worlds of such obstacles.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from trailmark.errors import ConfigurationError
 __all__ = [
     "ROTATION_WEIGHT",
     "FloatArray",
+    "between",
     "compose",
     "configurations",
     "difference",
@@ -117,6 +118,14 @@ def compose(a: ArrayLike, b: ArrayLike) -> FloatArray:
     x = first[..., 0] + cos * second[..., 0] - sin * second[..., 1]
     y = first[..., 1] + sin * second[..., 0] + cos * second[..., 1]
     return np.stack([x, y, np.asarray(wrap(first[..., 2] + second[..., 2]))], axis=-1)
+
+
+def between(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Return b in the frame of a, which compose leads from a to b, shape (..., 3)."""
+    first = np.asarray(a, dtype=np.float64)
+    c, s = np.cos(first[..., 2]), np.sin(first[..., 2])
+    x, y, theta = first[..., 0], first[..., 1], first[..., 2]
+    return compose(np.stack([-c * x - s * y, s * x - c * y, -theta], axis=-1), b)
 
 
 def transform(q: ArrayLike, points: ArrayLike) -> FloatArray:

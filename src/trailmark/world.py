@@ -1,7 +1,7 @@
 """World: what there is to plan in.
 
 A world made from noisy readings also says how well each obstacle is known (:class:`ObstacleEstimate`) and for which
-risk it was grown (:class:`RiskBound`); :mod:`trailmark.estimation.risk.allocation` makes such worlds.
+risk it was grown (:class:`RiskBound`); :mod:`trailmark.estimation.risk` makes such worlds.
 """
 
 from __future__ import annotations

@@ -217,7 +217,7 @@ def test_any_error_of_trailmark_is_one_line_with_status_2(
     def fail(*_: Any, **__: Any) -> None:
         raise TrailmarkError("first\nsecond \x1b[31mred")
 
-    for name in ("cli.options.load_world", "estimation.logs.load_log", "benchmark.results.load_results"):
+    for name in ("cli.options.load_world", "estimation.readers.load_log", "benchmark.results.load_results"):
         monkeypatch.setattr(f"trailmark.{name}", fail)
     run = shell(*words.split())
     assert run.status == 2

@@ -259,7 +259,7 @@ def test_a_robot_that_is_not_there(shell: Shell, mrclam: Path, tmp_path: Path) -
 def test_interruption_while_mapping_leaves_nothing(log: Path) -> None:
     program = f"""
 import signal, sys, time
-import trailmark.estimation.maps.log_map as module
+import trailmark.estimation.mapping as module
 from trailmark.cli import main
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job would ignore it
 def slow(*args, **named):

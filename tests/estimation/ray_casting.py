@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.records import Scan
 from trailmark.se2 import FloatArray
 
 

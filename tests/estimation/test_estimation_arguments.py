@@ -73,10 +73,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             estimation.simulate,
             {"world": WORLD, "states": PATH, "motion": MOTION, **DRIVE, "random_state": 0},
         ),
-        "sense_obstacles": (
-            estimation.sense_obstacles,
-            {"world": WORLD, "poses": 4, "sensor": SENSOR, **SENSE},
-        ),
+        "sense_obstacles": (estimation.sense_obstacles, {"world": WORLD, "poses": 4, "sensor": SENSOR, **SENSE}),
         "refine_points": (estimation.refine_points, {"readings": [[[2.0, 0.5]]], "poses": PATH[0], "sensor": SENSOR}),
         "disc_estimates": (
             estimation.disc_estimates,
@@ -97,19 +94,10 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             estimation.grow,
             {"estimate": ESTIMATE, "confidence": 0.9, "pose_covariance": None, "reach": 0.0, "sides": 16},
         ),
-        "regrow": (
-            estimation.regrow,
-            {"world": GROWN, "confidence": 0.9, "weights": None, "pose_covariance": None},
-        ),
+        "regrow": (estimation.regrow, {"world": GROWN, "confidence": 0.9, "weights": None, "pose_covariance": None}),
         "refined": (estimation.refined, {"world": GROWN, "estimates": {0: ESTIMATE}}),
-        "path_risk": (
-            estimation.path_risk,
-            {"world": GROWN, "states": PATH, "draws": 10, "seed": 0, "margin": 0.0},
-        ),
-        "SlamFilter": (
-            SlamFilter,
-            {"pose": PATH[0], "P": np.eye(3), "mode": "slam", "iterations": 1},
-        ),
+        "path_risk": (estimation.path_risk, {"world": GROWN, "states": PATH, "draws": 10, "seed": 0, "margin": 0.0}),
+        "SlamFilter": (SlamFilter, {"pose": PATH[0], "P": np.eye(3), "mode": "slam", "iterations": 1}),
         "predict": (
             lambda **given: filled().predict(**given),
             {"motion": MOTION, "u": (1.0, 0.1, 0.1), "Q": np.eye(2)},
@@ -165,19 +153,10 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             lambda **given: slam().run([Detection(**given)]),
             {"t": 0.0, "z": (1.0, 1.0), "kind": "range-bearing", "identity": 3, "covariance": None},
         ),
-        "SlamSettings": (
-            SlamSettings,
-            {"association": "known", "gate": 0.9, "merge_gate": 0.9, "confirm": 2},
-        ),
+        "SlamSettings": (SlamSettings, {"association": "known", "gate": 0.9, "merge_gate": 0.9, "confirm": 2}),
         "ScanSettings": (ScanSettings, {"sigma_range": 0.1, "max_range": 9.0}),
-        "MappingSettings": (
-            MappingSettings,
-            {"pose_sigma": (0.1, 0.1), "cell": 0.1},
-        ),
-        "MapSettings": (
-            MapSettings,
-            {"slam": SlamSettings(), "radius": 1.0, "start": None, "stated_noise": True},
-        ),
+        "MappingSettings": (MappingSettings, {"pose_sigma": (0.1, 0.1), "cell": 0.1}),
+        "MapSettings": (MapSettings, {"slam": SlamSettings(), "radius": 1.0, "start": None, "stated_noise": True}),
         "Unicycle": (Unicycle, {"sigma_v": 0.1, "sigma_omega": 0.1, "alpha": (0.0, 0.0, 0.0, 0.0), "period": None}),
         "PoseIncrement": (PoseIncrement, {"sigma_x": 0.1, "sigma_y": 0.1, "sigma_theta": 0.1, "growth": (0, 0, 0)}),
         "RangeBearing": (RangeBearing, {"sigma_range": 0.1, "sigma_bearing": 0.1, "growth": 0.1}),

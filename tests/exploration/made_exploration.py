@@ -11,7 +11,7 @@ import shapely
 
 from trailmark import Rectangle, Robot, World
 from trailmark.collision import StateChecker
-from trailmark.estimation.logs.records import Increment, Log, Pose, Record, Scan
+from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.result import Evaluation, ExplorationProgress, ExplorationResult, ExplorationSettings
 from trailmark.roadmap import Roadmap

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from trailmark import Rectangle, Robot, World
-from trailmark.estimation.simulation.virtual_sensors import RayCaster
+from trailmark.estimation.virtual_sensors import RayCaster
 from trailmark.exploration import ExplorationSettings, Explorer
 from trailmark.exploration.following import contact_points
 from trailmark.exploration.known_map import OCCUPIED, UNKNOWN

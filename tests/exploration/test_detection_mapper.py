@@ -14,16 +14,15 @@ from tests.support.trials import trials
 
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import load_log, map_log
-from trailmark.estimation.filter.sensors import RangeBearing
-from trailmark.estimation.logs.jsonl import write_jsonl
-from trailmark.estimation.logs.records import Detection, Log
-from trailmark.estimation.scans.clouds import relative
-from trailmark.estimation.simulation.virtual_sensors import Detector
+from trailmark.estimation.models import RangeBearing
+from trailmark.estimation.readers.jsonl import write_jsonl
+from trailmark.estimation.records import Detection, Log
+from trailmark.estimation.virtual_sensors import Detector
 from trailmark.exploration.detection_mapper import DetectionMapper
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.exploration.result import ExplorationSettings
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector
-from trailmark.se2 import compose
+from trailmark.se2 import between, compose
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -83,7 +82,7 @@ def test_with_noise_discs_are_grown_so_that_they_cover_the_true_ones() -> None:
         assert not any(drive(robot, mapper, 80))
         _, solid = drawn(mapper)
         # As the robot has them around itself: what turns and shifts the whole map does no harm.
-        here = relative(robot.pose, np.array([(x, y, 0.0) for x, y, _ in PLACES]))
+        here = between(robot.pose, np.array([(x, y, 0.0) for x, y, _ in PLACES]))
         there = compose(mapper.pose, here)
         for (x, y, _), (*_, radius) in zip(there, PLACES, strict=True):
             assert Disc((x, y), radius).polygon(1e-4).shapely().difference(solid).area < 1e-4

@@ -12,8 +12,8 @@ import shapely
 from tests.support import exploration_faults as faults
 
 from trailmark import ConfigurationError, Rectangle, Robot, World
-from trailmark.estimation.logs.records import Record
-from trailmark.estimation.simulation.virtual_sensors import Scanner
+from trailmark.estimation.records import Record
+from trailmark.estimation.virtual_sensors import Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
 from trailmark.exploration.explorer import MAX_BLOCKED, MAX_STILL
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN

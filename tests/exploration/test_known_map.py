@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from trailmark import Disc, Polygon, Rectangle, Robot, World
-from trailmark.estimation.simulation.virtual_sensors import RayCaster, Scanner
+from trailmark.estimation.virtual_sensors import RayCaster, Scanner
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Shape

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from trailmark.estimation.logs.records import Detection, Increment, Odometry, Record, Scan
+from trailmark.estimation.records import Detection, Increment, Odometry, Record, Scan
 from trailmark.exploration.mapper import CARRIED, RecordChecks
 
 SCAN = Scan(1.0, np.full(8, 2.0), -1.0, 0.25, 5.0)

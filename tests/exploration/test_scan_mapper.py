@@ -14,15 +14,14 @@ from tests.support.exploration_faults import Fault, Faulty, Impossible, frozen_o
 from tests.support.trials import trials
 
 from trailmark.estimation import load_log, map_log
-from trailmark.estimation.logs.jsonl import write_jsonl
-from trailmark.estimation.logs.records import Log, Pose, Scan
-from trailmark.estimation.scans.clouds import relative
+from trailmark.estimation.readers.jsonl import write_jsonl
+from trailmark.estimation.records import Log, Pose, Scan
 from trailmark.exploration.known_map import FREE, KnownMap
 from trailmark.exploration.mapper import Belief
 from trailmark.exploration.result import ExplorationSettings
 from trailmark.exploration.scan_mapper import ScanMapper
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
-from trailmark.se2 import FloatArray, compose, difference
+from trailmark.se2 import FloatArray, between, compose, difference
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
@@ -82,7 +81,7 @@ def test_streets_that_look_alike_are_not_joined_and_covariances_are_those_of_the
         corners = [(5.2, 0.75), (5.2, 14.0), (9.6, 14.0), (9.6, 5.2), (0.75, 5.2), (0.75, 0.75), (5.2, 0.75)]
         for corner in corners:
             while (away := math.hypot(*(np.array(corner) - robot.pose[:2]))) > 0.3:
-                ahead = relative(robot.pose, np.array([*corner, robot.pose[2]])) * min(1.0, 0.3 / away)
+                ahead = between(robot.pose, np.array([*corner, robot.pose[2]])) * min(1.0, 0.3 / away)
                 robot.drive(np.array([np.zeros(3), ahead]), 1.0)
                 mapper.take(robot.sense())
         at = np.searchsorted(robot.truth[:, 0], mapper.trajectory[:, 0] - 1e-9)
@@ -216,7 +215,7 @@ def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> N
         world = mapper.known.follow(world)
         drawn = shapely.union_all([shape.polygon(1e-3).shapely() for shape in world.obstacles])
         # The truth as the robot has it around itself, where it may drive in the next second.
-        (x, y, theta), near = compose(mapper.pose, relative(robot.pose, np.zeros(3))), shapely.Point(*mapper.pose[:2])
+        (x, y, theta), near = compose(mapper.pose, between(robot.pose, np.zeros(3))), shapely.Point(*mapper.pose[:2])
         c, s = math.cos(theta), math.sin(theta)
         around = shapely.affinity.affine_transform(true, [c, -s, s, c, x, y])
         free = near.buffer(1.5).difference(drawn).buffer(-mapper.margin)

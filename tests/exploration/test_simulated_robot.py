@@ -10,7 +10,7 @@ import shapely.affinity
 from tests.support.trials import few, trials
 
 from trailmark.errors import ConfigurationError
-from trailmark.estimation.logs.records import Detection, Increment, Record, Scan
+from trailmark.estimation.records import Detection, Increment, Record, Scan
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector, laser_scanner
 from trailmark.se2 import FloatArray, compose, wrap
 from trailmark.shapes import Disc, Rectangle

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from trailmark.estimation.logs.records import Detection, Increment, Record, Scan
+from trailmark.estimation.records import Detection, Increment, Record, Scan
 from trailmark.exploration.simulated_robot import DriveReport, ExploringRobot
 from trailmark.se2 import FloatArray
 

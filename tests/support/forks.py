@@ -47,7 +47,7 @@ IMPORTED = (
     "trailmark.benchmark.isolation.child",
     "trailmark.benchmark.report",
     "trailmark.cli",
-    "trailmark.estimation.maps.log_map",
+    "trailmark.estimation.mapping",
     "trailmark.exploration.explorer",
     "trailmark.exploration.warmup",
     "trailmark.formats.schema",

@@ -24,8 +24,8 @@ from trailmark.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from trailmark.estimation.logs.records import Log
-    from trailmark.estimation.maps.mapped_log import MappedLog
+    from trailmark.estimation.mapped_log import MappedLog
+    from trailmark.estimation.records import Log
 
 __all__ = ["map_log"]
 
@@ -123,8 +123,8 @@ def map_log(
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
         from trailmark.estimation.errors import NotCertifiedError
-        from trailmark.estimation.logs import load_log, log_files
-        from trailmark.estimation.maps.log_map import map_log as map_records
+        from trailmark.estimation.mapping import map_log as map_records
+        from trailmark.estimation.readers import load_log, log_files
         from trailmark.formats.nav2_map import save_nav2_map
         from trailmark.formats.path_files import write_tum
 
@@ -262,7 +262,7 @@ def _batch_text(batch: dict[str, Any]) -> str:
     odometry, ranges = batch["odometry"], batch["range"]
     return (
         f"{text}; noise estimated: odometry's distances times {odometry['distance']:.3f}, turns times "
-        f"{odometry['turn']:.3f}, {odometry['delay']:.2f} s late; ranges' error by the bearing's square "
+        f"{odometry['turn']:.3f}; ranges' error by the bearing's square "
         f"{ranges['projection']:+.2f}, their scale known to {100 * batch['scale']['sigma']:.1f} %"
     )
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from trailmark.estimation.maps.map_settings import MapSettings
+    from trailmark.estimation.map_settings import MapSettings
 
 __all__ = ["MapFile", "read_map_settings"]
 
@@ -33,7 +33,7 @@ def read_map_settings(file: str | None) -> MapFile:
     """
     from trailmark.errors import FormatError
     from trailmark.estimation.errors import EstimationError
-    from trailmark.estimation.maps.map_settings import MapSettings
+    from trailmark.estimation.map_settings import MapSettings
 
     if file is None:
         return MapFile(MapSettings(), {})

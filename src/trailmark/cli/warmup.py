@@ -124,9 +124,7 @@ def _warm_up_logs() -> None:
     import numpy as np
 
     from trailmark.estimation import Detector, MapSettings, RangeBearing, Scanner, Unicycle, map_log, simulate
-    from trailmark.estimation.scans.clouds import PointCloud
-    from trailmark.estimation.scans.correlation import Window, match_covariance, search
-    from trailmark.estimation.scans.local_map import local_map
+    from trailmark.estimation.scan_matching import PointCloud, Window, local_map, match_covariance, search
     from trailmark.shapes import Disc
     from trailmark.world import World
 

@@ -9,71 +9,66 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trailmark.estimation.association import SlamSettings as SlamSettings
+    from trailmark.estimation.ekf import refine_points as refine_points
+    from trailmark.estimation.ekf_slam import EkfSlam as EkfSlam
+    from trailmark.estimation.ekf_slam import SlamResult as SlamResult
     from trailmark.estimation.errors import EstimationError as EstimationError
     from trailmark.estimation.errors import NotCertifiedError as NotCertifiedError
     from trailmark.estimation.errors import RecordError as RecordError
-    from trailmark.estimation.filter.ekf import SlamFilter as SlamFilter
-    from trailmark.estimation.filter.gain import Innovation as Innovation
-    from trailmark.estimation.filter.gain import Prediction as Prediction
-    from trailmark.estimation.filter.motion import MotionModel as MotionModel
-    from trailmark.estimation.filter.motion import PoseIncrement as PoseIncrement
-    from trailmark.estimation.filter.motion import Unicycle as Unicycle
-    from trailmark.estimation.filter.sensors import Cartesian as Cartesian
-    from trailmark.estimation.filter.sensors import RangeBearing as RangeBearing
-    from trailmark.estimation.filter.sensors import SensorModel as SensorModel
-    from trailmark.estimation.logs import load_log as load_log
-    from trailmark.estimation.logs import save_log as save_log
-    from trailmark.estimation.logs.records import Detection as Detection
-    from trailmark.estimation.logs.records import Increment as Increment
-    from trailmark.estimation.logs.records import Log as Log
-    from trailmark.estimation.logs.records import Odometry as Odometry
-    from trailmark.estimation.logs.records import Pose as Pose
-    from trailmark.estimation.logs.records import Scan as Scan
-    from trailmark.estimation.maps.log_map import map_log as map_log
-    from trailmark.estimation.maps.map_settings import MappingSettings as MappingSettings
-    from trailmark.estimation.maps.map_settings import MapSettings as MapSettings
-    from trailmark.estimation.maps.mapped_log import MappedLog as MappedLog
-    from trailmark.estimation.maps.scan_map import ScanMap as ScanMap
-    from trailmark.estimation.maps.scan_map import map_scans as map_scans
-    from trailmark.estimation.maps.scan_obstacles import disc_estimates as disc_estimates
-    from trailmark.estimation.maps.scan_obstacles import wall_estimate as wall_estimate
-    from trailmark.estimation.risk.allocation import refined as refined
-    from trailmark.estimation.risk.allocation import regrow as regrow
-    from trailmark.estimation.risk.growth import grow as grow
-    from trailmark.estimation.risk.path_risk import path_risk as path_risk
-    from trailmark.estimation.scans.scan_features import ScanSettings as ScanSettings
-    from trailmark.estimation.simulation.readings import refine_points as refine_points
-    from trailmark.estimation.simulation.readings import sense_obstacles as sense_obstacles
-    from trailmark.estimation.simulation.simulator import Simulation as Simulation
-    from trailmark.estimation.simulation.simulator import simulate as simulate
-    from trailmark.estimation.simulation.virtual_sensors import Detector as Detector
-    from trailmark.estimation.simulation.virtual_sensors import Scanner as Scanner
-    from trailmark.estimation.slam.ekf_slam import EkfSlam as EkfSlam
-    from trailmark.estimation.slam.slam_result import SlamResult as SlamResult
-    from trailmark.estimation.slam.slam_result import SlamSettings as SlamSettings
+    from trailmark.estimation.map_settings import MappingSettings as MappingSettings
+    from trailmark.estimation.map_settings import MapSettings as MapSettings
+    from trailmark.estimation.mapped_log import MappedLog as MappedLog
+    from trailmark.estimation.mapping import map_log as map_log
+    from trailmark.estimation.models import Cartesian as Cartesian
+    from trailmark.estimation.models import MotionModel as MotionModel
+    from trailmark.estimation.models import PoseIncrement as PoseIncrement
+    from trailmark.estimation.models import RangeBearing as RangeBearing
+    from trailmark.estimation.models import SensorModel as SensorModel
+    from trailmark.estimation.models import Unicycle as Unicycle
+    from trailmark.estimation.obstacles import ScanMap as ScanMap
+    from trailmark.estimation.obstacles import disc_estimates as disc_estimates
+    from trailmark.estimation.obstacles import map_scans as map_scans
+    from trailmark.estimation.obstacles import wall_estimate as wall_estimate
+    from trailmark.estimation.readers import load_log as load_log
+    from trailmark.estimation.readers import save_log as save_log
+    from trailmark.estimation.records import Detection as Detection
+    from trailmark.estimation.records import Increment as Increment
+    from trailmark.estimation.records import Log as Log
+    from trailmark.estimation.records import Odometry as Odometry
+    from trailmark.estimation.records import Pose as Pose
+    from trailmark.estimation.records import Scan as Scan
+    from trailmark.estimation.risk import grow as grow
+    from trailmark.estimation.risk import path_risk as path_risk
+    from trailmark.estimation.risk import refined as refined
+    from trailmark.estimation.risk import regrow as regrow
+    from trailmark.estimation.scan_features import ScanSettings as ScanSettings
+    from trailmark.estimation.simulation import Simulation as Simulation
+    from trailmark.estimation.simulation import simulate as simulate
+    from trailmark.estimation.slam_filter import Innovation as Innovation
+    from trailmark.estimation.slam_filter import Prediction as Prediction
+    from trailmark.estimation.slam_filter import SlamFilter as SlamFilter
+    from trailmark.estimation.virtual_sensors import Detector as Detector
+    from trailmark.estimation.virtual_sensors import Scanner as Scanner
+    from trailmark.estimation.virtual_sensors import sense_obstacles as sense_obstacles
 
 _NAMES = {
+    "association": "SlamSettings",
+    "ekf": "refine_points",
+    "ekf_slam": "EkfSlam SlamResult",
     "errors": "EstimationError NotCertifiedError RecordError",
-    "filter.ekf": "SlamFilter",
-    "filter.gain": "Innovation Prediction",
-    "filter.motion": "MotionModel PoseIncrement Unicycle",
-    "filter.sensors": "Cartesian RangeBearing SensorModel",
-    "logs": "load_log save_log",
-    "logs.records": "Detection Increment Log Odometry Pose Scan",
-    "maps.log_map": "map_log",
-    "maps.map_settings": "MapSettings MappingSettings",
-    "maps.mapped_log": "MappedLog",
-    "maps.scan_obstacles": "disc_estimates wall_estimate",
-    "maps.scan_map": "ScanMap map_scans",
-    "risk.allocation": "refined regrow",
-    "risk.path_risk": "path_risk",
-    "risk.growth": "grow",
-    "scans.scan_features": "ScanSettings",
-    "simulation.readings": "refine_points sense_obstacles",
-    "simulation.simulator": "Simulation simulate",
-    "simulation.virtual_sensors": "Detector Scanner",
-    "slam.ekf_slam": "EkfSlam",
-    "slam.slam_result": "SlamResult SlamSettings",
+    "map_settings": "MapSettings MappingSettings",
+    "mapped_log": "MappedLog",
+    "mapping": "map_log",
+    "models": "Cartesian MotionModel PoseIncrement RangeBearing SensorModel Unicycle",
+    "obstacles": "ScanMap disc_estimates map_scans wall_estimate",
+    "readers": "load_log save_log",
+    "records": "Detection Increment Log Odometry Pose Scan",
+    "risk": "grow path_risk refined regrow",
+    "scan_features": "ScanSettings",
+    "simulation": "Simulation simulate",
+    "slam_filter": "Innovation Prediction SlamFilter",
+    "virtual_sensors": "Detector Scanner sense_obstacles",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from trailmark.errors import TrailmarkError
 
-__all__ = ["EstimationError", "NotCertifiedError", "RecordError"]
-
 
 class EstimationError(TrailmarkError, ValueError):
     """Noise, readings or features that an estimator cannot use: a wrong shape, not finite, not there."""

@@ -14,19 +14,18 @@ from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
 from trailmark.errors import ConfigurationError
-from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.filter.sensors import SensorModel
-from trailmark.estimation.logs.records import Detection, Increment, Log, Pose, Record
-from trailmark.estimation.maps.log_map import map_log
-from trailmark.estimation.maps.map_settings import MapSettings
-from trailmark.estimation.scans.clouds import relative
-from trailmark.estimation.simulation.virtual_sensors import Detector, RayCaster
-from trailmark.estimation.slam.ekf_slam import EkfSlam
-from trailmark.estimation.slam.slam_result import AssociationMethod, MapFeature
+from trailmark.estimation.association import AssociationMethod
+from trailmark.estimation.covariance import chi_square_quantile
+from trailmark.estimation.ekf_slam import EkfSlam, MapFeature
+from trailmark.estimation.map_settings import MapSettings
+from trailmark.estimation.mapping import map_log
+from trailmark.estimation.models import SensorModel
+from trailmark.estimation.records import Detection, Increment, Log, Pose, Record
+from trailmark.estimation.virtual_sensors import Detector, RayCaster
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.mapper import CARRIED, Belief, RecordChecks
 from trailmark.exploration.result import ExplorationSettings
-from trailmark.se2 import FloatArray, difference, transform, wrap
+from trailmark.se2 import FloatArray, between, difference, transform, wrap
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -260,7 +259,7 @@ class DetectionMapper:
         if found is None or found.matched < (2 if self._sensor.identities else 3):
             return False
         # What no odometry has told: the log has it as a motion, so that it leads to the same map.
-        motion = relative(self.pose, found.pose)
+        motion = between(self.pose, found.pose)
         t = self._unplaced[0].t
         self._use([Increment(t, float(motion[0]), float(motion[1]), float(motion[2]), 4.0 * CARRIED)])
         self._strange = 0

@@ -17,8 +17,8 @@ import numpy as np
 
 from trailmark.arguments import brief, callback, each_of, one_of, whole
 from trailmark.errors import ConfigurationError, as_raised
-from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
-from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.estimation.records import Detection, Log, Pose, Record, Scan
+from trailmark.estimation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.detection_mapper import DetectionMapper
 from trailmark.exploration.following import BACK, PathFollower, contact_points, turned_around, way_back, way_back_to
 from trailmark.exploration.known_map import UNKNOWN, KnownMap

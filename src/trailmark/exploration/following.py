@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import Footprint
-from trailmark.estimation.scans.clouds import relative
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.path import Path
 from trailmark.robot import Robot
-from trailmark.se2 import FloatArray, difference, interpolate, motion_bound, transform, wrap
+from trailmark.se2 import FloatArray, between, difference, interpolate, motion_bound, transform, wrap
 
 __all__ = ["BACK", "PathFollower", "WayBack", "contact_points", "turned_around", "way_back", "way_back_to"]
 
@@ -90,7 +89,7 @@ class PathFollower:
         """
         rows = self._rows[self._at : self._at + 4 + int(np.ceil(2.0 * distance / STEP))]
         if len(rows) == 1:
-            ahead = relative(rows[0], pose)
+            ahead = between(rows[0], pose)
             return float(np.hypot(*ahead[:2])) + self._reach * abs(float(ahead[2]))
         a, b = rows[:-1], rows[1:]
         # Headings count by what they move the farthest point: on a turn in place they say how far along it is.
@@ -114,7 +113,7 @@ class PathFollower:
             pose: where the robot is, shape (3,).
         """
         rows = self.rest
-        ahead = relative(pose if self._comes_back else rows[0], rows[1:] if len(rows) > 1 else rows)
+        ahead = between(pose if self._comes_back else rows[0], rows[1:] if len(rows) > 1 else rows)
         return np.concatenate([np.zeros((1, 3)), ahead])
 
     def endangered(self, known: KnownMap) -> bool:
@@ -234,7 +233,7 @@ class WayBack(PathFollower):
         near = cKDTree(rest[:, :2]).query_ball_tree(cKDTree(surfaces), self._robot.circumradius)
         pose = np.repeat(np.arange(len(rest)), [len(some) for some in near])
         points = surfaces[np.concatenate(near).astype(np.intp)]
-        ahead = relative(rest[pose], np.column_stack([points, np.zeros(len(points))]))
+        ahead = between(rest[pose], np.column_stack([points, np.zeros(len(points))]))
         return bool(shapely.contains_xy(body, ahead[:, :2]).any())
 
 

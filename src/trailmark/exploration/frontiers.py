@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.maps.cell_walk import first_step
+from trailmark.estimation.grid import first_step
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.jit import callee, njit
 from trailmark.landmarks.sampling import lloyd

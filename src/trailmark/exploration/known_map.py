@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.logs.records import Scan
-from trailmark.estimation.maps.cell_walk import first_step
-from trailmark.estimation.scans.clouds import point_cloud
+from trailmark.estimation.grid import first_step
+from trailmark.estimation.records import Scan
+from trailmark.estimation.scan_matching import point_cloud
 from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray, compose
 from trailmark.shapes import Rectangle, Shape

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from trailmark.arguments import Positive, PositiveOrInfinite, Probability, checked_fields
 from trailmark.errors import ConfigurationError, FormatError, OutputError
-from trailmark.estimation.logs import load_log, save_log
-from trailmark.estimation.logs.records import Log
+from trailmark.estimation.readers import load_log, save_log
+from trailmark.estimation.records import Log
 from trailmark.exploration.known_map import KnownMap
 from trailmark.formats import nav2_map
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically

@@ -9,22 +9,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.graph.graph_settings import GraphSettings
-from trailmark.estimation.graph.pose_graph import MIN_POINTS
-from trailmark.estimation.graph.scan_slam import ScanSlam
-from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
-from trailmark.estimation.maps.log_map import map_log
-from trailmark.estimation.scans.clouds import joined, relative, surface_cloud
-from trailmark.estimation.scans.correlation import Window, search
-from trailmark.estimation.scans.local_map import local_map
-from trailmark.estimation.scans.matching import refine
-from trailmark.estimation.scans.scan_poses import DeadReckoning
-from trailmark.estimation.simulation.virtual_sensors import Scanner
+from trailmark.estimation.covariance import chi_square_quantile
+from trailmark.estimation.laser_slam import ScanSlam
+from trailmark.estimation.mapping import map_log
+from trailmark.estimation.odometry import DeadReckoning
+from trailmark.estimation.pose_graph import MIN_POINTS, GraphSettings
+from trailmark.estimation.records import Increment, Log, Odometry, Pose, Record, Scan
+from trailmark.estimation.scan_matching import Window, joined, local_map, refine, search, surface_cloud
+from trailmark.estimation.virtual_sensors import Scanner
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import CARRIED, Belief, RecordChecks
 from trailmark.exploration.result import ExplorationSettings
-from trailmark.se2 import FloatArray, compose, difference
+from trailmark.se2 import FloatArray, between, compose, difference
 from trailmark.world import Robot, World
 
 __all__ = ["ScanMapper", "apart", "graph_settings"]
@@ -124,7 +120,7 @@ class ScanMapper:
     """A :class:`trailmark.exploration.mapper.Mapper` for a laser.
 
     Odometry is taken as exact as long as it states so and scans do not contradict it. Else scans are matched, and loops
-    closed (:class:`trailmark.estimation.graph.scan_slam.ScanSlam`).
+    closed (:class:`trailmark.estimation.laser_slam.ScanSlam`).
 
     Args:
         start: where the robot stands first, shape (3,).
@@ -152,7 +148,7 @@ class ScanMapper:
     @property
     def pose(self) -> FloatArray:
         """Where the robot is, shape (3,)."""
-        return compose(self._pose, relative(self._at, self._reckoning.pose))
+        return compose(self._pose, between(self._at, self._reckoning.pose))
 
     @property
     def covariance(self) -> FloatArray:
@@ -217,7 +213,7 @@ class ScanMapper:
         if pose is None:
             return False
         # What no odometry has told: the log has it as a motion, so that it leads to the same map.
-        motion = relative(self.pose, pose)
+        motion = between(self.pose, pose)
         carried = Increment(scan.t, float(motion[0]), float(motion[1]), float(motion[2]), CARRIED)
         self._reckoning.add(carried)
         self.records += [carried, scan]

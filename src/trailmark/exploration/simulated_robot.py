@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike
 from trailmark.arguments import Count, NonNegative, Positive, PositiveOrInfinite, Seed, Share, checked_arguments
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.estimation.filter.motion import PoseIncrement
-from trailmark.estimation.filter.sensors import RangeBearing
-from trailmark.estimation.logs.records import Detection, Increment, Record
-from trailmark.estimation.simulation.simulator import Drive
-from trailmark.estimation.simulation.virtual_sensors import Detector, RayCaster, Scanner
+from trailmark.estimation.models import PoseIncrement, RangeBearing
+from trailmark.estimation.records import Detection, Increment, Record
+from trailmark.estimation.simulation import Drive
+from trailmark.estimation.virtual_sensors import Detector, RayCaster, Scanner
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, compose, configurations, interpolate, wrap
 from trailmark.world import World

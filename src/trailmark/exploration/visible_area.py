@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.estimation.simulation.virtual_sensors import Scanner
+from trailmark.estimation.virtual_sensors import Scanner
 from trailmark.exploration.known_map import UNKNOWN, KnownMap
 from trailmark.exploration.result import Evaluation
 from trailmark.exploration.simulated_robot import SimulatedRobot

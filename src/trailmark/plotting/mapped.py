@@ -31,7 +31,7 @@ from trailmark.shown import GOAL, HATCH, LANDMARK, MARGIN, OBSTACLE, OUTSIDE, PA
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trailmark.estimation.maps.mapped_log import MappedLog
+    from trailmark.estimation.mapped_log import MappedLog
     from trailmark.world import ObstacleEstimate, World
 
 __all__ = ["draw_map", "save_map_figure"]
@@ -107,7 +107,7 @@ def draw_map(axes: Axes, mapped: MappedLog) -> list[Entry]:
 
 
 def _regions(estimates: list[ObstacleEstimate], pixel: float) -> list[Any]:
-    from trailmark.estimation.risk.growth import grow
+    from trailmark.estimation.risk import grow
 
     return [grow(estimate, PROBABILITY).polygon(pixel).shapely() for estimate in estimates]
 

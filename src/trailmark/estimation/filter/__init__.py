@@ -1,1 +1,0 @@
-"""The extended Kalman filter of a pose and of features, with its motion and sensor models."""

@@ -1,0 +1,371 @@
+"""Poses and point features of a log with detections: EKF-SLAM, and after it a batch that smooths and fits the noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trailmark.estimation.association import AssociationMethod, SlamSettings
+from trailmark.estimation.covariance import checked_covariance
+from trailmark.estimation.ekf_slam import CURVATURE, EkfSlam, MapFeature, SlamResult
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.landmark_graph import (
+    Estimate,
+    IntArray,
+    Readings,
+    moved,
+    polar_readings,
+    relative_covariance,
+    rotations,
+    turned,
+)
+from trailmark.estimation.map_settings import MappingSettings, MapSettings
+from trailmark.estimation.noise_fit import Batch, figures, inflation, misfit
+from trailmark.estimation.noise_fit import scale as scale_of
+from trailmark.estimation.odometry import OdometryTrack
+from trailmark.estimation.records import Detection, Increment, Log, Pose, Record, Scan, first_pose
+from trailmark.estimation.unnamed_features import Labels, associated
+from trailmark.se2 import FloatArray, between, compose, wrap
+
+OnProgress = Callable[[str, int, int], None]
+
+OUTLIER_GATE = 0.9999  # Probability that a good reading passes. Misread barcodes, some in a thousand, lie far outside.
+FARTHEST = 1e6  # Metres (and radians): no sensor reads farther, and squares of larger numbers lose what is near.
+SUREST = 1e-6  # Metres (and radians): no sensor errs less, and a reading without any error would settle all.
+# A hundred times as many refused readings as the gate refuses of good ones: some are good, or many are misread.
+MANY = 0.01
+_ALLOWED = "expected values that a robot can have"
+_REPORT_EVERY = 64  # Records from one report of progress to the next.
+
+
+class SlamRun(NamedTuple):
+    """What EKF-SLAM made of a log."""
+
+    result: SlamResult
+    association: AssociationMethod
+    tentative: int  # Features that were still to be confirmed at the end.
+    start: FloatArray  # The pose before the first record, shape (3,).
+    batch: BatchResult | None = None  # The batch that followed.
+
+    def poses_of(self, scans: Sequence[Scan]) -> FloatArray:
+        """Return where the robot was at each scan, shape (m, 3), as it was estimated then."""
+        rows = np.vstack([[-math.inf, *self.start], self.result.trajectory])
+        return np.asarray(rows[np.searchsorted(rows[:, 0], [scan.t for scan in scans], side="right") - 1, 1:])
+
+    def with_pose_sigma(self, scans: Sequence[Scan], mapping: MappingSettings) -> MappingSettings:
+        """Return settings whose poses are as uncertain as these are on average, and no surer than they were."""
+        seen = np.searchsorted(self.result.trajectory[:, 0], [scan.t for scan in scans], side="right") - 1
+        if not (seen >= 0).any():
+            return mapping
+        P = self.result.covariances[seen[seen >= 0]].mean(axis=0)  # noqa: N806 # the filter's own symbol
+        sigma = math.sqrt(0.5 * (P[0, 0] + P[1, 1])), math.sqrt(P[2, 2])
+        x, theta = mapping.pose_sigma
+        return replace(mapping, pose_sigma=(max(x, sigma[0]), max(theta, sigma[1])))
+
+
+def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgress | None = None) -> SlamRun:
+    """Run EKF-SLAM over a log, and a batch after it; with poses "log" the features alone are estimated."""
+    detections = [record for record in log.records if isinstance(record, Detection)]
+    for detection in detections:
+        if not np.abs(detection.z).max() <= FARTHEST:
+            z = np.asarray(detection.z).tolist()
+            raise EstimationError(f"detection at {detection.t:g} s: expected z of at most {FARTHEST:g}, got {z}")
+        if settings.stated_noise and detection.covariance is not None:
+            name = f"detection at {detection.t:g} s"
+            stated = checked_covariance(detection.covariance, 2, name)
+            if not np.linalg.eigvalsh(stated)[0] >= SUREST**2:
+                least = f"a covariance of standard deviations of at least {SUREST:g}"
+                raise EstimationError(f"{name}: expected {least}, got {stated.tolist()}")
+    s, association = settings.slam, settings.slam.association
+    if association == "auto":
+        association = "known" if any(detection.identity is not None for detection in detections) else "joint"
+    s = replace(s, association=association, outlier_gate=OUTLIER_GATE if s.outlier_gate == "auto" else s.outlier_gate)
+    run = _filtered(log, settings, s, poses, association, on_progress)
+    if poses == "log" or not settings.smooth or not run.result.features:
+        return run
+    begun = [run.result]
+    if association == "known" and run.result.counts.outliers > MANY * run.result.counts.detections:
+        # Where the filter errs, not the readings, the gate refuses the very readings that would set it right. The batch
+        # finds out which it was: it begins with either, and judges each reading again.
+        begun.append(_filtered(log, settings, replace(s, outlier_gate=None), poses, association, on_progress).result)
+    report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
+    times = np.unique([record.t for record in log.records if not isinstance(record, Pose | Scan)])
+    try:
+        batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
+    except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
+        reason = str(error).strip().partition("\n")[0]
+        raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}); setting smooth: false") from None
+    return run._replace(result=batch.result, batch=batch)
+
+
+def _filtered(
+    log: Log,
+    s: MapSettings,
+    slam_settings: SlamSettings,
+    poses: str,
+    association: AssociationMethod,
+    on_progress: OnProgress | None,
+) -> SlamRun:
+    """Run EKF-SLAM until the log ends."""
+    start = np.array(s.start or first_pose(log.records) or (0.0, 0.0, 0.0))
+    x, theta = s.mapping.pose_sigma
+    slam = EkfSlam(
+        {"range-bearing": s.range_bearing, "cartesian": s.cartesian},
+        velocity=s.velocity,
+        increment=s.increment,
+        settings=slam_settings,
+        start=start,
+        mode="mapping" if poses == "log" else "slam",
+        pose_covariance=np.diag([x**2, x**2, theta**2]),
+    )
+    total = len(log.records)
+    for i, record in enumerate(_records(log, s), start=1):
+        try:
+            slam.process(record)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            problem = f"{_ALLOWED}, got {type(record).__name__} at {record.t:g} s, which cannot be used ({error})"
+            raise EstimationError(problem) from None
+        if on_progress is not None and (i % _REPORT_EVERY == 0 or i == total):
+            on_progress("records", i, total)
+    slam.finish()
+    result = slam.result()
+    lost = ~np.isfinite(result.trajectory).all(axis=1)
+    if lost.any():
+        first = result.trajectory[lost, 0].min()
+        raise EstimationError(f"{_ALLOWED}, got an estimate that is no number from {first:g} s on")
+    return SlamRun(result, association, len(slam.filter.features) - len(result.features), start)
+
+
+def _records(log: Log, s: MapSettings) -> Iterator[Record]:
+    """Yield the records, without the noise that they state where it is not to count."""
+    for record in log.records:
+        if isinstance(record, Detection | Increment) and not s.stated_noise:
+            record = record._replace(covariance=None)
+        yield record
+
+
+# Least number of features that make a frame of their own: of the 2 m coordinates of fewer, the 3 degrees of freedom
+# of a rigid motion are half or more, and of one feature all.
+FEWEST = 4
+
+
+class BatchResult(NamedTuple):
+    """What a batch makes of a log that EKF-SLAM went through."""
+
+    # Poses and features of the batch, with covariances in the start's frame; the rest as EKF-SLAM had it.
+    result: SlamResult
+    # Covariance of each feature in the frame that the features make, shape (m, 2, 2); None for fewer than FEWEST.
+    relative: FloatArray | None
+    figures: dict[str, Any]  # What was found, as plain data.
+
+
+def smoothed(
+    records: Sequence[Record],
+    settings: MapSettings,
+    begun: Sequence[SlamResult],
+    start: FloatArray,
+    times: FloatArray,
+    on_round: Callable[[int, int], None] | None = None,
+) -> BatchResult:
+    """Return the batch optimum of the readings that EKF-SLAM assigned to the features of its map.
+
+    Args:
+        records: of the log, in the order of time.
+        settings: their noise, and whether it is estimated.
+        begun: results of EKF-SLAM over these records, with the same features: the batch begins with each, and goes on
+            with the one that leads to the least error.
+        start: the first pose, shape (3,).
+        times: of the trajectory's rows, shape (k,), ascending.
+        on_round: called with the number of rounds done, and how many there are at most.
+    """
+    result = begun[0]
+    detections = [assignment.detection for assignment in result.assignments]
+    instants, feature = np.unique([detection.t for detection in detections]), _features_of(result)
+    track = OdometryTrack(records)
+    readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
+    batch = Batch(track, readings, instants, track.stated_variances(settings.velocity, settings.increment))
+    guesses = [_poses_at(each.trajectory, instants, start) for each in begun]
+    first = [(poses, _first_places(each, readings, poses, feature)) for each, poses in zip(begun, guesses, strict=True)]
+    estimate = batch.solve(*batch.best_of(first, feature), feature)
+    stated, auto = misfit(batch, estimate), settings.fit_noise == "auto"
+    if any(f.identity is not None for f in result.features):
+        wrong = stated.understated or (stated.overstated and settings.default_noise)
+        if settings.fit_noise == "on" or (auto and wrong):
+            estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
+    else:
+        # Wrong assignments look like noise: whether it is wrong cannot be told before.
+        fit = settings.fit_noise == "on" or (auto and not (readings.stated and track.states_noise))
+        labels = Labels(estimate.solution.features, feature)
+        labels, estimate = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
+        result, feature = _relabelled(result, labels), labels.feature
+    return _result(batch, estimate, feature, start, result, times, figures(batch, estimate, stated))
+
+
+def _begun_at(estimate: Estimate, pose: FloatArray) -> Estimate:
+    """Return an estimate, moved as a whole so that its first pose is this one."""
+    solution = estimate.solution
+    first, points = solution.poses[0], np.column_stack([solution.features, np.zeros(len(solution.features))])
+    poses, places = (compose(pose, between(first, each)) for each in (solution.poses, points))
+    moved_there = solution._replace(poses=poses, features=places[:, :2])
+    return estimate._replace(solution=moved_there, system=estimate.smoother.linearised(moved_there))
+
+
+def _relabelled(result: SlamResult, labels: Labels) -> SlamResult:
+    """Return EKF-SLAM's result with these features, and which reading is of which."""
+    identity = np.zeros((2, 2))
+    features = tuple(
+        MapFeature(i, None, place, identity, int(count))
+        for i, (place, count) in enumerate(zip(labels.places, labels.counts(), strict=True))
+    )
+    assignments = tuple(
+        a._replace(feature=int(j) if j >= 0 else None) for a, j in zip(result.assignments, labels.feature, strict=True)
+    )
+    counts = replace(result.counts, ambiguous=int(np.count_nonzero(labels.feature < 0)))
+    return result._replace(features=features, assignments=assignments, counts=counts)
+
+
+def _features_of(result: SlamResult) -> IntArray:
+    """Return the number of each reading's feature, -1 for none: by its name where it has one, refused or not."""
+    by_id: dict[int | None, int] = {f.id: i for i, f in enumerate(result.features)}
+    by_name: dict[int | None, int] = {f.identity: i for i, f in enumerate(result.features) if f.identity is not None}
+    numbers = [by_name.get(a.identity, -1) if by_name else by_id.get(a.feature, -1) for a in result.assignments]
+    return np.array(numbers, dtype=np.intp)
+
+
+def _first_places(result: SlamResult, readings: Readings, poses: FloatArray, feature: IntArray) -> FloatArray:
+    """Return where to begin with each feature, shape (m, 2): the filter's estimate, or the middle of its readings."""
+    z, pose = readings.z, poses[readings.instant]
+    direction = pose[:, 2] + z[:, 1]
+    seen = pose[:, :2] + z[:, :1] * np.column_stack([np.cos(direction), np.sin(direction)])
+    places = np.array([f.mean for f in result.features])
+    for i in range(len(places)):
+        own = seen[feature == i]
+        if len(own):
+            middle = np.median(own, axis=0)
+            far = [np.median(np.hypot(*(own - place).T)) for place in (places[i], middle)]
+            places[i] = middle if 2.0 * far[1] < far[0] else places[i]
+    return places
+
+
+def _result(
+    batch: Batch,
+    estimate: Estimate,
+    feature: IntArray,
+    start: FloatArray,
+    result: SlamResult,
+    times: FloatArray,
+    plain: dict[str, Any],
+) -> BatchResult:
+    """Return what the batch came to in the start's frame and in that of the features, with the scale's uncertainty."""
+    # Nothing but odometry says how the robot came to where it read first, so that it is no matter of the factors'. The
+    # start is a second before the first record, since an increment ends at its time.
+    ways = np.array([times[0] - 1.0, batch.instants[0]])
+    way = batch.motions(ways)
+    estimate = _begun_at(estimate, compose(start, way.u[0]))
+    solution, scale, origin = estimate.solution, scale_of(batch, estimate), start[:2]
+    along = np.zeros((2 * len(solution.features), 3))
+    along[0::2, 0] = along[1::2, 1] = 1.0
+    x, y = (solution.features - solution.poses[0, :2]).T
+    along[0::2, 2], along[1::2, 2] = -y, x
+    moves = np.zeros((len(along), estimate.calibrated.shape[1]))
+    moves[:, :3] = (along @ rotations(start[2:])[0] @ batch.motion_changes(ways)[0])[:, : moves.shape[1]]
+    joint = estimate.feature_covariance(moves)
+    if batch.fitted:
+        joint *= inflation(batch, estimate)
+    lead = along @ turned(batch.motion_covariance(way), start[2:])[0] @ along.T
+    means = origin + scale.factor * (solution.features - origin)
+    poses = solution.poses.copy()
+    poses[:, :2] = origin + scale.factor * (poses[:, :2] - origin)
+    away = (means - origin).reshape(-1)
+    own = np.arange(2 * len(means)).reshape(-1, 2)
+    joint[own[:, :, None], own[:, None, :]] += CURVATURE * estimate.missed()
+    joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
+    blocks, within = (
+        0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]])
+        for P in (joint + lead, relative_covariance(means, joint))
+    )
+    blocks += _bent(means - origin, lead[own[:, :, None], own[:, None, :]])
+    smooth_poses, covariances = _poses_between(batch, estimate, poses, times)
+    used = estimate.feature[estimate.feature >= 0]
+    readings = np.bincount(used, minlength=len(means)).tolist()
+    features = tuple(
+        f._replace(mean=mean, covariance=block, readings=count)
+        for f, mean, block, count in zip(result.features, means, blocks, readings, strict=True)
+    )
+    outliers = int(np.count_nonzero((feature >= 0) & (estimate.feature < 0)))
+    smooth = result._replace(
+        trajectory=np.column_stack([times, smooth_poses]),
+        covariances=covariances,
+        features=features,
+        counts=replace(result.counts, outliers=outliers, used=len(used)),
+    )
+    return BatchResult(smooth, within if len(means) >= FEWEST else None, plain)
+
+
+def _bent(away: FloatArray, lead: FloatArray) -> FloatArray:
+    """Return how far the arc of a turn about the start leads from what linear errors say, shape (m, 2, 2)."""
+    across = np.column_stack([-away[:, 1], away[:, 0]])
+    far = np.maximum((away**2).sum(axis=1), 1e-12) ** 2
+    # No more than a radian.
+    turn = np.minimum(np.einsum("ni,nij,nj->n", across, lead, across) / far, 1.0)
+    return np.asarray(1.5 * turn[:, None, None] ** 2 * (away[:, :, None] * away[:, None, :]))
+
+
+def _poses_between(
+    batch: Batch, estimate: Estimate, poses: FloatArray, times: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return poses at times (k,), ascending, from estimated ones (n, 3): shape (k, 3), and covariances (k, 3, 3).
+
+    They are by odometry from the last estimated pose, led to the next one: what the odometry misses that by is spread
+    over the time between the two.
+    """
+    instants = batch.instants
+    every = np.union1d(times, [times[0] - 1.0, *instants])
+    motions = batch.motions(every)
+    u = motions.u
+    heading = np.concatenate([[0.0], np.cumsum(u[:, 2])])
+    cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
+    steps = np.column_stack([cos * u[:, 0] - sin * u[:, 1], sin * u[:, 0] + cos * u[:, 1]])
+    reckoned = np.column_stack([np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]), heading])
+    anchors = np.searchsorted(every, instants)
+    last = np.clip(np.searchsorted(instants, every, side="right") - 1, 0, None)
+    there = compose(poses[last], between(reckoned[anchors[last]], reckoned))
+    following = np.minimum(last + 1, len(anchors) - 1)
+    ends = compose(poses[last], between(reckoned[anchors[last]], reckoned[anchors[following]]))
+    missed = poses[following] - ends
+    missed[:, 2] = wrap(missed[:, 2])
+    span = instants[following] - instants[last]
+    part = np.where(span > 0.0, (every - instants[last]) / np.where(span > 0.0, span, 1.0), 0.0)
+    there += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
+    there[:, 2] = wrap(there[:, 2])
+    # As errors of a motion of the whole plane about one place, those of successive motions add up.
+    steps, number = turned(batch.motion_covariance(motions), there[:-1, 2]), np.arange(len(every))
+    steps = moved(steps, poses[0, :2] - there[1:, :2])
+    leading = (number[1:] <= anchors[0])[:, None, None]
+    lead, grown = np.zeros((2, len(every), 3, 3))
+    lead[1:], grown[1:] = np.cumsum(steps * leading, axis=0), np.cumsum(steps * ~leading, axis=0)
+    pair = np.minimum(last, max(0, len(instants) - 2))
+    first, second = anchors[pair], anchors[np.minimum(pair + 1, len(instants) - 1)]
+    place, inside = poses[pair, :2], np.minimum(number, second)
+    before, whole, beyond = (
+        moved(grown[i] - grown[j], place - poses[0, :2])
+        for i, j in ((inside, first), (second, first), (number, inside))
+    )
+    estimated, least = estimate.smoother.pair_covariances(estimate.solution)
+    share = before @ np.linalg.inv(whole + least[pair])
+    both = np.concatenate([np.eye(3) - share, share], axis=2)
+    P = both @ estimated[pair] @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance
+    P = moved(P, there[:, :2] - place) + moved(lead, there[:, :2] - poses[0, :2])  # noqa: N806
+    covariances = 0.5 * (P + np.swapaxes(P, 1, 2))
+    wanted = np.searchsorted(every, times)
+    return there[wanted], covariances[wanted]
+
+
+def _poses_at(trajectory: FloatArray, instants: FloatArray, start: FloatArray) -> FloatArray:
+    """Return a trajectory's poses, rows t, x, y, theta, at instants, shape (n, 3), as they were last."""
+    rows = np.vstack([[-np.inf, *start], trajectory])
+    return np.asarray(rows[np.searchsorted(rows[:, 0], instants, side="right") - 1, 1:])

@@ -1,1 +1,0 @@
-"""Obstacles grown so that a path meets none of the true ones with a stated probability."""

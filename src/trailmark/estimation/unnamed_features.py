@@ -1,0 +1,334 @@
+# ruff: noqa: N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
+"""Features without identities: filter and batch in turns, until each reading is of the feature that fits it best.
+
+The first run of the filter knows neither the log's noise nor its systematic errors. What it confuses hardly harms
+these, which all readings share: once they are estimated, the filter runs again, over motions and readings set right,
+and after it the batch, which merges, assigns anew, splits and drops.
+From the second turn on the filter begins with the map that it has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.association import SlamSettings
+from trailmark.estimation.covariance import chi_square_quantile
+from trailmark.estimation.ekf_slam import EkfSlam
+from trailmark.estimation.landmark_graph import Estimate, IntArray, Readings, relative_covariance
+from trailmark.estimation.models import PoseIncrement, RangeBearing
+from trailmark.estimation.noise_fit import GATE as BATCH_GATE
+from trailmark.estimation.noise_fit import Batch, description_length
+from trailmark.estimation.records import Detection, Increment, Record
+from trailmark.se2 import FloatArray, wrap
+
+# The share of readings that two features may have at common instants and still be one: some were read twice.
+TOGETHER = 0.02
+SELDOM = 0.2  # A feature read so many times less often than usual, where it should be seen, is none.
+TURNS = 2  # Filter and batch, at most: after the second hardly anything changes.
+ALIKE = 0.98  # The share of readings that are of the same feature as before, from which on nothing is to be gained.
+# By how much larger the odometry's variances are while the filter associates: where it skidded once, a pose that is
+# too sure of itself takes a neighbour for the feature itself.
+CAUTION = 4.0
+# Probabilities that a reading passes its own feature's gate, and the one beyond which it is of none known: a feature
+# begun in vain is merged later, a reading lost in between costs little.
+GATE, NEW_GATE = 0.999, 1.0 - 1e-8
+# Metres: how far off features may be from where their readings show them, besides the readings' noise: what stands
+# somewhere is not a point.
+PLACE_SIGMA = 0.03
+
+
+class Labels(NamedTuple):
+    """Features, and which reading is of which."""
+
+    places: FloatArray  # Shape (m, 2).
+    feature: IntArray  # For each reading the number of its feature, or -1, shape (r,).
+
+    def only(self, wanted: NDArray[np.bool_]) -> Labels:
+        """Return some of the features, those that are wanted, shape (m,); readings of others are of none."""
+        number = np.where(wanted, np.cumsum(wanted) - 1, -1)
+        return Labels(self.places[wanted], np.where(self.feature >= 0, number[self.feature], -1))
+
+    def counts(self) -> IntArray:
+        """Return how many readings each feature has, shape (m,)."""
+        return np.bincount(self.feature[self.feature >= 0], minlength=len(self.places))
+
+
+def merged(labels: Labels, joint: FloatArray, instant: IntArray, probability: float) -> Labels:
+    """Return the features with those that are one merged, the nearest pair first.
+
+    Two are one if they were not read at the same instants and their difference passes the gate by its covariance, which
+    counts what their errors have in common. Taking them for equal corrects all others, before the next pair.
+
+    Args:
+        labels: the features.
+        joint: covariance of all of them together, shape (2m, 2m).
+        instant: of each reading, shape (r,).
+        probability: of the gate.
+    """
+    x, P = labels.places.copy(), joint.copy()
+    m, limit = len(x), float(chi_square_quantile(probability, 2))
+    owner, counts = np.arange(m), labels.counts().astype(float)
+    seen = np.zeros((m, int(instant.max(initial=0)) + 1), dtype=np.float32)
+    used = labels.feature >= 0
+    seen[labels.feature[used], instant[used]] = 1.0
+    together = seen @ seen.T
+    alive = counts > 0
+    while True:
+        rows = np.flatnonzero(alive)
+        if len(rows) < 2:
+            break
+        i, j = (rows[index] for index in np.triu_indices(len(rows), 1))
+        apart = together[i, j] <= np.maximum(1.0, TOGETHER * np.minimum(counts[i], counts[j]))
+        i, j = i[apart], j[apart]
+        if not len(i):
+            break
+        at, to = (2 * index[:, None] + np.arange(2) for index in (i, j))
+        cross = P[at[:, :, None], to[:, None, :]]
+        D = P[at[:, :, None], at[:, None, :]] + P[to[:, :, None], to[:, None, :]] - cross - np.swapaxes(cross, 1, 2)
+        gap = x[j] - x[i]
+        d2 = np.einsum("ni,nij,nj->n", gap, np.linalg.inv(D + 1e-8 * np.eye(2)), gap)
+        best = int(d2.argmin())
+        if d2[best] > limit:
+            break
+        a, b = int(i[best]), int(j[best])
+        one, other = slice(2 * a, 2 * a + 2), slice(2 * b, 2 * b + 2)
+        gain = (P[:, one] - P[:, other]) @ np.linalg.inv(D[best] + 1e-8 * np.eye(2))
+        x += (gain @ gap[best]).reshape(-1, 2)
+        P -= gain @ (P[one] - P[other])
+        together[a] += together[b]
+        together[:, a] = together[a]
+        counts[a] += counts[b]
+        alive[b] = False
+        owner[owner == b] = a
+    return Labels(x, np.where(used, owner[labels.feature], -1)).only(alive)
+
+
+def assigned(labels: Labels, poses: FloatArray, readings: Readings, place_sigma: float, probability: float) -> Labels:
+    """Return each reading assigned to the feature that it fits best, by instants, each feature once; or to none.
+
+    Args:
+        labels: the features.
+        poses: of the instants, shape (n, 3).
+        readings: with the noise of single ones.
+        place_sigma: metres, how far features may be off.
+        probability: that a reading passes the gate of its own feature.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    limit = float(chi_square_quantile(probability, 2))
+    pose = poses[readings.instant]
+    dx, dy = (labels.places[None] - pose[:, None, :2]).transpose(2, 0, 1)
+    r = np.hypot(dx, dy)
+    y = np.stack([readings.z[:, :1] - r, wrap(readings.z[:, 1:] - np.arctan2(dy, dx) + pose[:, 2:])], axis=2)
+    variance = np.diagonal(readings.covariance, axis1=1, axis2=2)[:, None] + place_sigma**2
+    variance = np.broadcast_to(variance, y.shape).copy()
+    variance[:, :, 1] += place_sigma**2 * (1.0 / np.maximum(r, 0.1) ** 2 - 1.0)
+    d2 = (y**2 / variance).sum(axis=2)
+    feature = np.full(len(y), -1, dtype=np.intp)
+    order = np.argsort(readings.instant, kind="stable")
+    starts = np.flatnonzero(np.diff(readings.instant[order], prepend=-1))
+    for group in np.split(order, starts[1:]):
+        # A reading that fits none costs as much as the gate allows.
+        costs = np.hstack([np.minimum(d2[group], 1e6), np.full((len(group), len(group)), limit)])
+        rows, columns = linear_sum_assignment(costs)
+        own = columns < d2.shape[1]
+        feature[group[rows[own]]] = columns[own]
+    return Labels(labels.places, feature)
+
+
+def split(labels: Labels, poses: FloatArray, readings: Readings, place_sigma: float, confirm: int) -> Labels:
+    """Return the features with those that unassigned readings show, at least ``confirm`` in one place.
+
+    Args:
+        labels: the features.
+        poses: of the instants, shape (n, 3).
+        readings: with the noise of single ones.
+        place_sigma: metres, how far apart readings of one thing may lie besides their own noise.
+        confirm: how many readings a feature needs.
+    """
+    free = np.flatnonzero(labels.feature < 0)
+    pose, z = poses[readings.instant[free]], readings.z[free]
+    direction = pose[:, 2] + z[:, 1]
+    seen = pose[:, :2] + z[:, :1] * np.column_stack([np.cos(direction), np.sin(direction)])
+    spread = np.maximum(readings.covariance[free, 0, 0], z[:, 0] ** 2 * readings.covariance[free, 1, 1])
+    reach = 3.0 * np.sqrt(spread + place_sigma**2)
+    places, feature = list(labels.places), labels.feature.copy()
+    left = np.ones(len(free), dtype=bool)
+    while left.sum() >= confirm:
+        rows = np.flatnonzero(left)
+        apart = np.hypot(*(seen[rows, None] - seen[None, rows]).transpose(2, 0, 1))
+        near = apart <= np.minimum(reach[rows, None], reach[None, rows])
+        best = int(near.sum(axis=1).argmax())
+        members = rows[near[best]]
+        # One reading of each instant.
+        members = members[np.unique(readings.instant[free[members]], return_index=True)[1]]
+        if len(members) < confirm:
+            break
+        feature[free[members]] = len(places)
+        places.append(np.median(seen[members], axis=0))
+        left[members] = False
+    return Labels(np.array(places).reshape(-1, 2), feature)
+
+
+def seen_from(poses: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ranges and bearings, shape (n, m) each, of places (m, 2) from poses (n, 3)."""
+    dx, dy = (places[None] - poses[:, None, :2]).transpose(2, 0, 1)
+    return np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - poses[:, 2:]))
+
+
+def without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
+    """Return the features without those that hardly any reading shows, or much fewer than should.
+
+    A feature should be seen where it lies in the box of the middle 90 % of ranges and bearings.
+
+    Args:
+        labels: the features.
+        poses: of the instants, shape (n, 3).
+        readings: of these instants.
+        confirm: how many readings a feature needs.
+    """
+    counts = labels.counts()
+    used = readings.z[labels.feature >= 0]
+    if not len(used):
+        return labels
+    low, high = np.quantile(used, [0.05, 0.95], axis=0)
+    r, bearing = seen_from(poses, labels.places)
+    inside = (r >= low[0]) & (r <= high[0]) & (bearing >= low[1]) & (bearing <= high[1])
+    share = counts / np.maximum(inside.sum(axis=0), counts)
+    usual = float(np.average(share, weights=counts)) if counts.sum() else 0.0
+    return labels.only((counts >= confirm) & (share >= SELDOM * usual))
+
+
+class Association(NamedTuple):
+    """Features, and which reading is of which."""
+
+    labels: Labels
+    estimate: Estimate
+
+
+def associated(
+    batch: Batch,
+    labels: Labels,
+    poses: FloatArray,
+    settings: SlamSettings,
+    fit: bool,
+    on_turn: Callable[[int, int], None] | None = None,
+) -> Association:
+    """Return which reading is of which feature, and the batch's optimum with that.
+
+    Args:
+        batch: the log.
+        labels: features and readings as the filter had them.
+        poses: of the batch's instants, shape (n, 3).
+        settings: the filter's.
+        fit: whether noise is estimated.
+        on_turn: called with the number of turns done, and how many there are at most.
+    """
+
+    def optimum(labels: Labels, poses: FloatArray) -> tuple[Labels, Estimate]:
+        run = batch.fit if fit else batch.solve
+        estimate = run(poses, labels.places, labels.feature)
+        return Labels(estimate.solution.features, labels.feature), estimate
+
+    labels, estimate = optimum(labels, poses)
+    known: Labels | None = None
+    best, least = (labels, estimate, batch.noise), math.inf
+    for turn in range(TURNS):
+        before = labels.feature
+        labels, poses = _filtered(batch, estimate, known, settings)
+        labels, estimate = optimum(labels, poses)
+        labels, estimate = _settled(batch, labels, estimate, settings.confirm)
+        known = labels
+        cost = description_length(batch, estimate, labels.feature)
+        if cost < least:
+            best, least = (labels, estimate, batch.noise), cost
+        settled = turn == TURNS - 1 or _agreement(before, labels.feature) > ALIKE
+        if on_turn is not None:
+            on_turn(TURNS if settled else turn + 1, TURNS)
+        if settled:
+            break
+    labels, estimate, batch.noise = best
+    return Association(labels, estimate)
+
+
+def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> tuple[Labels, Estimate]:
+    """Return the features after merging, assigning, splitting and dropping."""
+    poses = estimate.solution.poses
+    for _ in range(2):
+        readings = batch.readings(single=True)
+        labels = merged(labels, estimate.feature_covariance(), readings.instant, BATCH_GATE)
+        labels = assigned(labels, poses, readings, PLACE_SIGMA, BATCH_GATE)
+        labels = split(labels, poses, readings, PLACE_SIGMA, confirm)
+        labels = without_unseen(labels, poses, readings, confirm)
+        estimate = batch.solve(poses, labels.places, labels.feature)
+        labels, poses = Labels(estimate.solution.features, labels.feature), estimate.solution.poses
+    return labels, estimate
+
+
+def _filtered(
+    batch: Batch, estimate: Estimate, known: Labels | None, settings: SlamSettings
+) -> tuple[Labels, FloatArray]:
+    """Return what the filter associates, over motions and readings set right, and its poses."""
+    records, number = _records(batch)
+    poses = estimate.solution.poses
+    slam = EkfSlam(
+        # All records state their noise.
+        {"range-bearing": RangeBearing(1.0, 1.0)},
+        increment=PoseIncrement(1.0, 1.0, 1.0),
+        settings=replace(
+            settings,
+            association="nearest" if settings.association == "nearest" else "joint",
+            outlier_gate=None,
+            distinct=True,
+            merge_gate=GATE if known is None else None,
+            gate=GATE,
+            new_gate=NEW_GATE,
+            timeout=np.inf,
+        ),
+        start=poses[0],
+    )
+    if known is not None:
+        relative = relative_covariance(known.places, estimate.feature_covariance())
+        for j, place in enumerate(known.places):
+            slam.add_landmark(place, relative[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] + PLACE_SIGMA**2 * np.eye(2))
+    result = slam.run(records)
+    order = {feature.id: i for i, feature in enumerate(result.features)}
+    feature = np.full(len(batch.raw.z), -1, dtype=np.intp)
+    for assignment in result.assignments:
+        if assignment.feature is not None:
+            feature[number[id(assignment.detection)]] = order.get(assignment.feature, -1)
+    labels = Labels(np.array([f.mean for f in result.features]).reshape(-1, 2), feature)
+    rows = result.trajectory
+    at = np.searchsorted(rows[:, 0], batch.instants, side="right") - 1
+    return labels.only(labels.counts() > 0), rows[np.maximum(at, 0), 1:]
+
+
+def _records(batch: Batch) -> tuple[list[Record], dict[int, int]]:
+    """Return motions and readings as records, and for each detection, by its ``id``, the number of its reading."""
+    motions, readings = batch.motions(), batch.readings()
+    P = CAUTION * batch.motion_covariance(motions) + 1e-8 * np.eye(3)
+    by_instant: list[list[Detection]] = [[] for _ in batch.instants]
+    number = {}
+    for i, (instant, z, R) in enumerate(zip(readings.instant, readings.z, readings.covariance, strict=True)):
+        detection = Detection(float(batch.instants[instant]), z, covariance=R)
+        by_instant[instant].append(detection)
+        number[id(detection)] = i
+    records: list[Record] = list(by_instant[0])
+    for t, u, covariance, seen in zip(batch.instants[1:], motions.u, P, by_instant[1:], strict=True):
+        records += [Increment(float(t), float(u[0]), float(u[1]), float(u[2]), covariance), *seen]
+    return records, number
+
+
+def _agreement(a: NDArray[np.intp], b: NDArray[np.intp]) -> float:
+    """Return the share of readings whose feature is, by the majority of its readings, the same in both."""
+    same = 0
+    for feature in np.unique(b[b >= 0]):
+        partners = a[(b == feature) & (a >= 0)]
+        same += int(np.bincount(partners).max()) if len(partners) else 0
+    return same / max(1, int(np.count_nonzero(b >= 0)))

@@ -1,0 +1,289 @@
+# ruff: noqa: N806 # the names are those of the literature
+"""Runs over simulated logs: what is found, how sure the filter is of it, and what becomes of odd records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from tests.support.trials import trials
+
+from trailmark.estimation import (
+    EkfSlam,
+    EstimationError,
+    PoseIncrement,
+    RangeBearing,
+    SlamSettings,
+    Unicycle,
+)
+from trailmark.estimation.covariance import average, nees
+from trailmark.estimation.ekf_slam import SlamResult
+from trailmark.estimation.records import Detection, Increment, Odometry, Pose, Record
+
+FloatArray = NDArray[np.float64]
+
+SENSOR = RangeBearing(0.05, 0.02)
+MOTION = Unicycle(0.05, 0.02)
+POSTS = np.array([[3.0 * np.cos(a), 3.0 + 3.0 * np.sin(a)] for a in np.arange(12) * np.pi / 6]) * [1.6, 1.6]
+REACH = 4.0
+
+
+class Drive(NamedTuple):
+    records: list[Record]
+    truth: FloatArray
+    """Rows t, x, y, theta of each reading's instant."""
+
+
+def drive(seed: int, seconds: float = 40.0, clutter: float = 0.0) -> Drive:
+    """Rounds inside a ring of posts: velocities ten times a second, readings of posts within reach twice a second."""
+    rng = np.random.default_rng(seed)
+    records: list[Record] = []
+    pose, truth, dt = np.zeros(3), [], 0.1
+    for k in range(int(seconds / dt)):
+        t = k * dt
+        if k % 5 == 0:
+            truth.append((t, *pose))
+            for i, post in enumerate(POSTS):
+                if np.hypot(*(post - pose[:2])) < REACH:
+                    records.append(Detection(t, SENSOR.sample(pose, post, rng), identity=i))
+            if rng.random() < clutter:
+                records.append(Detection(t, np.array([rng.uniform(0.5, REACH), rng.uniform(-np.pi, np.pi)])))
+        u = np.array([0.6, 0.2, dt])
+        records.append(Odometry(t, 0.6, 0.2))
+        pose = np.asarray(MOTION.sample(pose, u, rng))
+    return Drive(records, np.array(truth))
+
+
+def slam(**changes: Any) -> EkfSlam:
+    return EkfSlam({"range-bearing": SENSOR}, velocity=MOTION, **changes)
+
+
+def pose_errors(result: SlamResult, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    at = np.searchsorted(result.trajectory[:, 0], truth[:, 0])
+    error = result.trajectory[at, 1:] - truth[:, 1:]
+    error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
+    return error, result.covariances[at]
+
+
+@pytest.mark.slow
+def test_known_identities_give_map_and_trajectory() -> None:
+    records, truth = drive(1)
+    result = slam().run(records)
+    assert sorted(f.identity for f in result.features if f.identity is not None) == list(range(12))
+    for feature in result.features:
+        assert feature.identity is not None
+        assert np.hypot(*(feature.mean - POSTS[feature.identity])) < 0.3
+    error, P = pose_errors(result, truth)
+    assert np.hypot(error[:, 0], error[:, 1]).max() < 0.3
+    assert (np.linalg.eigvalsh(P[1:]) > 0.0).all()
+    assert result.counts.used == result.counts.detections == sum(isinstance(r, Detection) for r in records)
+    assert sum(f.readings for f in result.features) == result.counts.used
+    assert result.trajectory[0].tolist() == [0.0, 0.0, 0.0, 0.0]
+    assert np.all(np.diff(result.trajectory[:, 0]) > 0.0)
+    assert result.seconds_per_update > 0.0
+
+
+@pytest.mark.slow
+def test_consistent_over_many_runs() -> None:
+    # NEES of the last pose over many runs, of the features too, and all NIS: in the bands that miss once in a thousand.
+    ends, features, nis, dof = [], [], [], []
+    for seed in trials(25, of=2):
+        records, truth = drive(100 + seed, seconds=10.0)
+        result = slam().run(records)
+        error, P = pose_errors(result, truth)
+        ends.append(nees(error[-1], P[-1]))
+        feature = next(f for f in result.features if f.identity == 0)
+        features.append(nees(feature.mean - POSTS[0], feature.covariance))
+        nis += [update.nis for update in result.updates]
+        dof += [update.dof for update in result.updates]
+    assert average(ends, 3, 0.999).inside
+    assert average(features, 2, 0.999).inside
+    assert average(nis, dof, 0.999).inside
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("association", ["nearest", "joint"])
+def test_unknown_identities_are_found(association: str) -> None:
+    records, truth = drive(2)
+    result = slam(settings=SlamSettings(association=association)).run(records)  # type: ignore[arg-type]  # parametrised
+    assert len(result.features) == 12
+    assert all(f.identity is None for f in result.features)
+    error, _ = pose_errors(result, truth)
+    assert np.hypot(error[:, 0], error[:, 1]).max() < 0.3
+    # Each feature has readings of one post only.
+    owner: dict[int, int] = {}
+    for assignment in result.assignments:
+        if assignment.feature is not None:
+            assert assignment.identity is not None
+            assert owner.setdefault(assignment.feature, assignment.identity) == assignment.identity
+    assert len(owner) == 12
+    assert result.counts.cut_short == 0
+    assert result.counts.used + result.counts.ambiguous == result.counts.detections
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("association", ["nearest", "joint"])
+def test_clutter_is_dropped(association: str) -> None:
+    records, _ = drive(3, clutter=0.5)
+    result = slam(settings=SlamSettings(association=association, timeout=3.0)).run(records)  # type: ignore[arg-type]  # parametrised
+    assert result.counts.dropped > 10
+    assert len(result.features) == 12
+    for feature in result.features:
+        assert np.hypot(*(POSTS - feature.mean).T).min() < 0.3
+        assert feature.readings >= 3
+
+
+def increments(seed: int) -> list[Record]:
+    rng, pose, records = np.random.default_rng(seed), np.zeros(3), list[Record]()
+    model = PoseIncrement(0.02, 0.02, 0.01)
+    for k in range(1, 80):
+        u = np.array([0.3, 0.0, 0.1])
+        pose = np.asarray(model.sample(pose, u, rng))
+        records.append(Increment(float(k), *u.tolist()))
+        records += [Detection(float(k), SENSOR.sample(pose, p, rng), identity=i) for i, p in enumerate(POSTS)]
+    return records
+
+
+def incremental(**changes: Any) -> EkfSlam:
+    return EkfSlam({"range-bearing": SENSOR}, increment=PoseIncrement(0.02, 0.02, 0.01), **changes)
+
+
+@pytest.mark.slow
+def test_at_one_instant_motion_comes_first_whatever_the_order() -> None:
+    records = increments(4)
+    expected = incremental().run(records)
+    turned: list[Record] = []
+    for start in range(0, len(records), 13):
+        turned += records[start : start + 13][::-1]
+    # Readings in another order make other ids and another rounding, not another estimate.
+    result = incremental().run(turned)
+    assert np.allclose(result.trajectory, expected.trajectory, atol=1e-9)
+    assert len(expected.features) == 12
+    for feature in expected.features:
+        (same,) = [f for f in result.features if f.identity == feature.identity]
+        assert np.allclose(same.mean, feature.mean, atol=1e-9)
+        assert np.allclose(same.covariance, feature.covariance, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_repeated_records() -> None:
+    records = increments(6)
+    doubled: list[Record] = []
+    for record in records:
+        doubled += [record, record]
+    result = incremental().run(doubled)
+    assert result.counts.repeated == len(records)
+    assert np.array_equal(result.trajectory, incremental().run(records).trajectory)
+    twice = slam()
+    same = Detection(0.0, np.array([2.0, 0.1]))
+    for record in (same, Odometry(0.0, 1.0, 0.0), Odometry(0.0, 1.0, 0.0), same, same._replace(z=np.array([3.0, 0.1]))):
+        twice.process(record)
+    assert twice.counts.repeated == 2
+
+
+def test_velocities_hold_until_the_next() -> None:
+    runner = slam(start=(1.0, 2.0, 0.0))
+    result = runner.run(
+        [
+            Odometry(10.0, 1.0, 0.0),
+            Detection(11.5, np.array([2.0, 0.0])),
+            Odometry(12.0, 0.0, 1.0),
+            Odometry(13.0, 5.0, 0.0),
+        ]
+    )
+    expected = [[10.0, 1.0, 2.0, 0.0], [11.5, 2.5, 2.0, 0.0], [12.0, 3.0, 2.0, 0.0], [13.0, 3.0, 2.0, 1.0]]
+    # The detection starts a feature (known identities are asked for, and it has none): it moves nothing.
+    assert np.allclose(result.trajectory[:, :3], np.array(expected)[1:, :3])
+    assert np.allclose(result.trajectory[:, 3], np.array(expected)[1:, 3])
+    assert result.counts.unidentified == 1
+
+
+def test_truth_and_references_are_not_estimated_from() -> None:
+    records, _ = drive(7, seconds=5.0)
+    expected = slam().run(records)
+    extra: list[Record] = []
+    for record in records:
+        extra += [record, Pose(record.t, 99.0, 99.0, 1.0, truth=True), Pose(record.t, 99.0, 99.0, 1.0)]
+    extra.insert(0, Pose(1e9, 0.0, 0.0, 0.0, truth=True))
+    result = slam().run(extra)
+    assert np.array_equal(result.trajectory, expected.trajectory)
+    assert result.counts.not_estimated_from == 2 * len(records) + 1
+
+
+@pytest.mark.slow
+def test_outliers_of_a_known_identity() -> None:
+    records, truth = drive(11)
+    rng = np.random.default_rng(11)
+    bad = [
+        record._replace(z=np.array([rng.uniform(1.0, 8.0), rng.uniform(-np.pi, np.pi)]))
+        if isinstance(record, Detection) and rng.random() < 0.05 and record.t > 10.0
+        else record
+        for record in records
+    ]
+    gated = slam(settings=SlamSettings(outlier_gate=0.9999)).run(bad)
+    ungated = slam().run(bad)
+    error, _ = pose_errors(gated, truth)
+    worse, _ = pose_errors(ungated, truth)
+    assert 5 <= gated.counts.outliers <= sum(a is not b for a, b in zip(bad, records, strict=True))
+    assert np.hypot(error[:, 0], error[:, 1]).max() < 0.3
+    assert np.abs(worse).max() > 2.0 * np.abs(error).max()
+
+
+def test_stated_covariances_count() -> None:
+    z, R = np.array([2.0, 0.3]), np.diag([0.3, 0.1]) ** 2
+    stated = slam().run([Detection(0.0, z, identity=1, covariance=R), Detection(0.0, z, identity=2)])
+    first, second = stated.features
+    # A little more, for what a linearised reading misses.
+    assert np.linalg.det(first.covariance) == pytest.approx(np.linalg.det(R) * 4.0, rel=0.2)
+    assert np.linalg.det(second.covariance) == pytest.approx(np.linalg.det(SENSOR.R) * 4.0, rel=0.2)
+    moved = incremental().run([Increment(0.0, 1.0, 0.0, 0.0, np.diag([0.1, 0.2, 0.3]))])
+    assert np.allclose(moved.covariances[-1], np.diag([0.1, 0.2, 0.3]))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: EkfSlam({}).run([Odometry(0.0, 1.0, 0.0)]), "the motion model for "),
+        (lambda: EkfSlam({}).run([Increment(0.0, 1.0, 0.0, 0.0)]), "the motion model for "),
+        (lambda: slam().run([Detection(0.0, np.ones(2), "range-baring")]), "did you mean 'range-bearing'"),
+        (lambda: slam().run([Detection(0.0, np.array([np.nan, 0.0]), identity=1)]), "finite"),
+        (lambda: slam().run([Odometry(0.0, np.inf, 0.0), Odometry(1.0, 0.0, 0.0)]), "finite"),
+        (lambda: SlamSettings(association="closest"), "expected auto, joint, known, nearest"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: EkfSlam({}, settings=SlamSettings("auto")), "expected settings without 'auto'"),
+        (lambda: SlamSettings(gate=0.99, new_gate=0.9), "gate <= new_gate"),
+    ],
+)
+def test_misuse(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(EstimationError, match=message):
+        call()
+
+
+SENSOR_HISTORIES = RangeBearing(0.1, 0.02)
+
+
+@pytest.mark.slow
+def test_a_run_without_identities_finds_posts_that_stand_close_together() -> None:
+    # Two posts 25 cm apart, at first seen one at a time: their readings go to one feature until both are seen at once.
+    posts = np.array([[4.0, 0.0], [4.0, 0.25], [0.0, 4.0], [-3.0, -2.0]])
+    found = {}
+    for name, settings in {
+        "distinct": SlamSettings(association="joint", new_gate=0.99999999, distinct=True, merge_gate=0.95),
+        "plain": SlamSettings(association="joint", new_gate=0.99999999),
+    }.items():
+        rng = np.random.default_rng(5)
+        records: list[Record] = [Odometry(0.0, 0.0, 0.0)]
+        for t in range(60):
+            seen = [t % 4] if t < 10 else [0, 1, 2, 3]
+            records += [Detection(float(t), SENSOR_HISTORIES.sample(np.zeros(3), posts[i], rng)) for i in seen]
+        result = EkfSlam({"range-bearing": SENSOR_HISTORIES}, velocity=Unicycle(1e-3, 1e-3), settings=settings).run(
+            records
+        )
+        found[name] = np.array([feature.mean for feature in result.features])
+        kept = {feature.id for feature in result.features}
+        assert {a.feature for a in result.assignments if a.feature is not None} <= kept | set(range(20))
+    assert len(found["distinct"]) == 4
+    for post in posts:
+        assert np.hypot(*(found["distinct"] - post).T).min() < 0.1
