@@ -190,6 +190,7 @@ def survey(
         # From here, and from where there is most room: what lies elsewhere may have been shut since.
         been &= memory.reach.main_room()
         been[known.cells_of(pose[None, :2])] = True
+        been |= memory.reach.in_rooms_of(been)
         doubts = _doubtful_passage(known, been, robot.keeping(0.0), frontiers, farthest)
     seen = np.asarray(far.any(axis=0))
     frontiers, far, near = frontiers.subset(seen), far[:, seen], near[:, seen]
