@@ -68,7 +68,7 @@ def test_where_the_robot_does_not_fit_it_looks_through() -> None:
     # hrnr/m-explore#40: the robot won't fit, but laser beams will.
     world = two_rooms(0.3, 4.0, 2.4)
     result = explorer(world).run()
-    assert result.status == "complete-at-confidence"  # cells as large tell as little of the slot
+    assert result.status == "complete"  # proven by where the beams ended, whatever the cells are
     assert result.evaluation is not None
     # The slot is three cells wide: along the edges of what is seen through it, cells count as not seen.
     assert result.evaluation.seen > 0.9
