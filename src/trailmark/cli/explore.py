@@ -14,15 +14,14 @@ from trailmark.cli.options import Configuration, UsageError, option
 from trailmark.errors import expected_name
 
 if TYPE_CHECKING:
-    from trailmark.exploration.exploration_folder import SavedExploration
     from trailmark.exploration.explorer import Explorer
-    from trailmark.exploration.result import ExplorationProgress, ExplorationResult
+    from trailmark.exploration.result import ExplorationProgress, ExplorationResult, SavedExploration
     from trailmark.world import World
     from trailmark.world.robot import Robot
 
 __all__ = ["explore"]
 
-EXIT_STATUS = {"complete": 0, "time": 0, "distance": 0, "stuck": 3, "silent": 3}
+EXIT_STATUS = {"complete": 0, "complete-at-confidence": 0, "time": 0, "distance": 0, "stuck": 3, "silent": 3}
 """By status; an interrupted exploration ends as every command does."""
 
 SENSORS = ("laser", "detections")
@@ -55,6 +54,15 @@ def explore(
             "--strategy", "NAME", "How to choose where to go: tour, gain-per-cost or nearest-frontier; default: tour."
         ),
     ] = None,
+    cell: Annotated[
+        Text,
+        option(
+            "--cell",
+            "METRES",
+            "Side of the map's cells; what is narrower than the robot and two cells is not entered; default: a fifth "
+            "of the robot's inner radius.",
+        ),
+    ] = None,
     confidence: Annotated[
         Text,
         option(
@@ -81,7 +89,7 @@ def explore(
 
     Exit status: 0 explored, or a limit reached; 2 bad input; 3 the robot cannot move or its sensor gives no readings.
     """
-    begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range}
+    begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range, "cell": cell}
     begun |= {"confidence": confidence, "noise": noise, "seed": seed}
     folder = _folder(output, resume, begun)
     limits = {
@@ -90,7 +98,7 @@ def explore(
     }
     words = {name: text for name, text in (begun | {"world": world, "strategy": strategy}).items() if text is not None}
     beginning = Beginning.read(words) if resume is None else None
-    from trailmark.exploration.exploration_folder import (
+    from trailmark.exploration.result import (
         FILES,
         check_folder,
         keep_exploration,
@@ -172,7 +180,7 @@ def _draw(result: ExplorationResult, folder: Path) -> None:
 
 def _print_summary(record: dict[str, Any], result: ExplorationResult, folder: Path) -> None:
     last, times = result.history[-1], record["time"]
-    colour = "green" if result.status == "complete" else "yellow"
+    colour = "green" if result.status.startswith("complete") else "yellow"
     console.say(f"{record['world']}: {record['status']}, {record['reason']}", fg=colour, bold=True)
     decisions = f"{console.plural(len(result.decisions), 'decision')}, median {1e3 * times['decision_median']:.0f} ms"
     rows = [
@@ -199,6 +207,7 @@ class Beginning(NamedTuple):
     start: Configuration | None
     sensor: str
     sensor_range: float | None
+    cell: float | None
     strategy: str
     confidence: float | None
     noise: float
@@ -210,7 +219,7 @@ class Beginning(NamedTuple):
         words = {name: str(text) for name, text in given.items()}
         if "world" not in words:
             raise UsageError("WORLD is missing; expected a file, a shipped world's name, or --resume DIR")
-        start, reach, probability = (words.get(name) for name in ("start", "sensor-range", "confidence"))
+        start, reach, cell, probability = (words.get(name) for name in ("start", "sensor-range", "cell", "confidence"))
         return cls(
             words,
             words["world"],
@@ -218,6 +227,7 @@ class Beginning(NamedTuple):
             None if start is None else options.read_configuration(start, "--start"),
             _name(words.get("sensor", SENSORS[0]), "--sensor", SENSORS),
             None if reach is None else options.read_length(reach, "--sensor-range"),
+            None if cell is None else options.read_length(cell, "--cell"),
             _name(words.get("strategy", STRATEGIES[0]), "--strategy", STRATEGIES),
             None if probability is None else options.read_probability(probability, "--confidence"),
             options.read_number(words.get("noise", "1"), "--noise", "a finite number of 0 or more", low=0.0),
@@ -239,14 +249,14 @@ class Beginning(NamedTuple):
         self, world: World, saved: SavedExploration | None, limits: dict[str, Any], return_home: bool
     ) -> Explorer:
         """Return the explorer of the world, until a limit of time (seconds) or distance (metres)."""
-        from trailmark.exploration.exploration_settings import ExplorationSettings
         from trailmark.exploration.explorer import Explorer
+        from trailmark.exploration.result import ExplorationSettings
         from trailmark.exploration.simulated_robot import disc_detector, laser_scanner
 
         body = options.robot_of(world, self.robot)
         if self.start is None and not world.queries:
             raise UsageError(f"world {world.name!r} holds no query to start from; expected --start X,Y,T")
-        settings = ExplorationSettings(confidence=self.confidence, return_home=return_home, **limits)
+        settings = ExplorationSettings(cell=self.cell, confidence=self.confidence, return_home=return_home, **limits)
         xmin, ymin, xmax, ymax = world.bounds
         reach = RANGE * max(xmax - xmin, ymax - ymin) if self.sensor_range is None else self.sensor_range
         laser = self.sensor == "laser"
