@@ -16,7 +16,8 @@ from tests.support.trials import trials
 
 from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.reachability import CERTAIN, NOWHERE, TIGHT, Travel, can_get_to, costs_between, reach_of
+from trailmark.exploration.passages import can_get_to
+from trailmark.exploration.reachability import CERTAIN, NOWHERE, TIGHT, Travel, costs_between, reach_of
 
 CELL = 0.1
 

@@ -171,7 +171,10 @@ def sight(state: NDArray[np.uint8], places: FloatArray, edges: FloatArray, farth
 def nearest_looks(
     state: NDArray[np.uint8], places: FloatArray, cells: NDArray[np.int64], farthest: float
 ) -> FloatArray:
-    """Return the least distance, in cells, from which the middle of each unknown cell was in sight; infinite if none.
+    """Return the least distance, in cells, from which each unknown cell was wholly in sight; infinite if from none.
+
+    It is so from where the middles of its four quarters are in sight: what is half hidden may well be seen from
+    elsewhere.
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
@@ -187,7 +190,11 @@ def nearest_looks(
         for i in range(len(places)):
             x, y = places[i, 0], places[i, 1]
             away = hypot(column + 0.5 - x, row + 0.5 - y)
-            if away <= farthest and away < nearest[j] and line_is_free(state, x, y, column + 0.5, row + 0.5):
+            whole = away <= farthest and away < nearest[j]
+            for quarter in range(4):
+                end_x, end_y = column + 0.25 + 0.5 * (quarter % 2), row + 0.25 + 0.5 * (quarter // 2)
+                whole = whole and line_is_free(state, x, y, end_x, end_y)
+            if whole:
                 nearest[j] = away
         state[row, column] = before
     return nearest

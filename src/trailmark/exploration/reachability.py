@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from math import sqrt
 from typing import Final, NamedTuple
 
@@ -10,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
-from trailmark.collision.footprint import build_footprint
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.known_map import FREE, KnownMap
 from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 from trailmark.world.robot import Robot
 
-__all__ = ["CERTAIN", "NOWHERE", "Reach", "Travel", "can_get_to", "costs_between", "reach_of", "way_towards"]
+__all__ = ["CERTAIN", "HALF", "NOWHERE", "Reach", "Travel", "cells_away", "connected", "costs_between", "reach_of"]
 
 NOWHERE, CERTAIN = 0, 6
 """The robot's reference point provably cannot get to any place in a cell; it can get to its centre, with any heading.
@@ -24,18 +22,6 @@ In between it perhaps can: the more, the more room there is."""
 
 HALF: Final = 0.5 * sqrt(2.0)
 """From a cell's centre to its corner."""
-
-FINEST: Final = 2_000_000
-"""Parts of cells, at most, to which it is told where the robot provably does not get to."""
-
-HEADINGS = 64
-"""Into which a turn is divided, where a disc inside the robot does not settle that."""
-
-PARTS = 3
-"""Of a cell, along either side, likewise."""
-
-MOST_ASKED = 200_000
-"""Configurations of a robot that are looked at, at most, before it is left open."""
 
 TIGHT = 2
 """Times as much that a metre is taken to cost where it is not certain that the robot fits."""
@@ -92,11 +78,11 @@ def reach_of(known: KnownMap, been: NDArray[np.bool_], robot: Robot) -> Reach:
     from scipy import ndimage
 
     inner, outer = (r / known.cell for r in (robot.reference_radius + robot.clearance, robot.circumradius))
-    distance = _distance(known.state != FREE)
+    distance = cells_away(known.state != FREE)
     # Half a diagonal, since cells have corners, and as much for the way to the centres around.
     rooms = np.asarray(ndimage.label(distance >= outer + 2.0 * HALF, np.ones((3, 3)))[0], np.int32)
     least = inner + 0.5 - HALF
-    levels = np.where(_connected((distance >= least) & (known.state == FREE), been), np.uint8(1), np.uint8(NOWHERE))
+    levels = np.where(connected((distance >= least) & (known.state == FREE), been), np.uint8(1), np.uint8(NOWHERE))
     room = (distance - least) / max(outer + 2.0 * HALF - least, 1e-9)
     levels[levels > 0] += np.clip(4.0 * room[levels > 0], 0.0, 4.0).astype(np.uint8)
     found = Reach(levels, rooms, distance)
@@ -104,108 +90,13 @@ def reach_of(known: KnownMap, been: NDArray[np.bool_], robot: Robot) -> Reach:
     return found
 
 
-def can_get_to(known: KnownMap, been: NDArray[np.bool_], robot: Robot) -> NDArray[np.bool_]:
-    """Return the cells to some place of which the robot is not proven unable to get, as surfaces were measured.
-
-    It is where a disc inside it would touch what is not known, hold a point where a beam ended, or cover an occupied
-    cell in which none did. Places are told to a part of a cell, as small a one as :data:`FINEST` allows.
-
-    Args:
-        known: the map.
-        been: cells where the robot's reference point is or was.
-        robot: without any clearance.
-    """
-    f = next((f for f in (9, 7, 5, 3) if known.state.size * f**2 <= FINEST), 1)
-    inner, (rows, columns) = f * robot.reference_radius / known.cell, known.state.shape
-    unknown, begin = (mask.repeat(f, 0).repeat(f, 1) for mask in (known.state == UNKNOWN, been))
-    occupied, met = known.state == OCCUPIED, np.isfinite(known.points[..., 0])
-    surfaces, whole = np.zeros((2, *unknown.shape), np.bool_)
-    at = np.argwhere(occupied & met)
-    parts = (f * (at + known.points[occupied & met][:, ::-1])).astype(np.intp)
-    surfaces[tuple(np.clip(parts, 0, np.array(unknown.shape) - 1).T)] = True
-    whole[f // 2 :: f, f // 2 :: f] = occupied & ~met
-    # Half a diagonal for the place in its part; as much for the point in its own, or to the corners of a whole cell.
-    passed = _distance(unknown) >= inner + 0.5 - HALF
-    passed &= _distance(surfaces, outside=False) >= inner - 2.0 * HALF
-    passed &= _distance(whole, outside=False) >= inner - f * HALF - HALF
-    reached = _connected(passed, begin)
-    return np.asarray(reached.reshape(rows, f, -1).any(axis=1).reshape(rows, columns, f).any(axis=2))
-
-
-def way_towards(
-    known: KnownMap, been: NDArray[np.bool_], robot: Robot, places: NDArray[np.intp]
-) -> tuple[float, float] | None:
-    """Return x, y of where a way from some places may come to where the robot was; None if, proven, none does.
-
-    Parts of cells with intervals of headings are followed from the places on, wave by wave. One is passed unless a disc
-    inside the robot meets something (:func:`can_get_to`) whatever configuration in it the robot has. Motions of a robot
-    that cannot move in every direction are among those.
-
-    Args:
-        known: the map.
-        been: cells where the robot's reference point is or was.
-        robot: without any clearance.
-        places: rows and columns of cells, shape (n, 2), at least one.
-    """
-    from scipy.spatial import cKDTree
-
-    discs = build_footprint(robot).inner
-    turns = HEADINGS if robot.heading_matters else 1
-    away = np.hypot(discs[:, 0], discs[:, 1])
-    state = np.pad(known.state, 1, constant_values=UNKNOWN)
-    occupied, met = known.state == OCCUPIED, np.isfinite(known.points[..., 0])
-    # Of each kind: where it is, in cells, and how much farther a disc may reach before it is certain that it meets it.
-    kinds = (
-        (np.argwhere(state == UNKNOWN)[:, ::-1] - 0.5, -0.5),
-        (np.argwhere(occupied & met)[:, ::-1] + known.points[occupied & met], 0.0),
-        (np.argwhere(occupied & ~met)[:, ::-1] + 0.5, HALF),
-    )
-    trees = [(cKDTree(points), more) for points, more in kinds if len(points)]
-    least = (discs[:, 2] - away * np.pi / turns) / known.cell - HALF / PARTS
-
-    def passes(wave: NDArray[np.int64]) -> NDArray[np.bool_]:
-        theta = wave[:, 2] * 2.0 * np.pi / turns
-        free = np.ones(len(wave), np.bool_)
-        for (x, y, _), far in zip(discs, least, strict=True):
-            cos, sin = np.cos(theta[free]), np.sin(theta[free])
-            turned = np.column_stack([cos * x - sin * y, sin * x + cos * y]) / known.cell
-            centres = (wave[free, 1::-1] + 0.5) / PARTS + turned
-            for tree, more in trees:
-                if far > more and len(centres):
-                    clear = np.isinf(tree.query(centres, distance_upper_bound=far - more)[0])
-                    free[free], centres = clear, centres[clear]
-        return free
-
-    around = np.array(list(product((-1, 0, 1), repeat=3)))
-    inside = np.array(list(product(range(PARTS), range(PARTS), range(turns))))
-    wave = (np.append(PARTS * places, np.zeros((len(places), 1), np.intp), axis=1)[:, None] + inside).reshape(-1, 3)
-    shape = *(PARTS * size for size in been.shape), turns
-    last, before, asked = *np.empty((2, 0), np.int64), 0
-    while True:
-        keys = np.setdiff1d(np.ravel_multi_index(tuple(wave.T), shape), np.concatenate([last, before]))
-        asked += len(keys)
-        new = np.column_stack(np.unravel_index(keys, shape))
-        new = new[passes(new)]
-        if not len(new):
-            return None
-        there = been[tuple(new[:, :2].T // PARTS)]
-        if there.any() or asked > MOST_ASKED:
-            row, column = new[there.argmax(), :2] // PARTS
-            x, y = known.centres(np.array([row]), np.array([column]))[0].tolist()
-            return x, y
-        # A wave's neighbours are of the wave before, of itself, or of the next.
-        before, last = last, np.ravel_multi_index(tuple(new.T), shape)
-        wave = (new[:, None] + around).reshape(-1, 3)
-        wave[:, 2] %= turns
-        wave = wave[((wave >= 0) & (wave < shape)).all(axis=1)]
-
-
-def _distance(mask: NDArray[np.bool_], outside: bool = True) -> NDArray[np.float32]:
+def cells_away(mask: NDArray[np.bool_], outside: bool = True) -> NDArray[np.float32]:
     """Return the distance from each cell's centre to the nearest in a mask, in cells; what lies outside counts."""
     return distance_transform(np.pad(mask, 1, constant_values=outside), 1.0)[1:-1, 1:-1]
 
 
-def _connected(passed: NDArray[np.bool_], been: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def connected(passed: NDArray[np.bool_], been: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells that are joined, through some that are passed, to where the robot was."""
     from scipy import ndimage
 
     label = ndimage.label(passed | been, np.ones((3, 3)))[0]

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.exploration.frontiers import Frontiers, frontiers_of, nearest_looks, places_in_sight, sight
 from trailmark.exploration.known_map import KnownMap
-from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, Travel, can_get_to, reach_of, way_towards
+from trailmark.exploration.passages import doubtful_passage
+from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, Travel, reach_of
 from trailmark.exploration.strategies import Outlook
 from trailmark.landmarks.executions import landmarks_for_area
 from trailmark.landmarks.sampling import k_means_landmarks
 from trailmark.se2 import FloatArray, wrap
-from trailmark.world.robot import Robot
 
 __all__ = ["MOST_TRIES", "Memory", "Survey", "survey"]
 
@@ -191,7 +191,7 @@ def survey(
         been &= memory.reach.main_room()
         been[known.cells_of(pose[None, :2])] = True
         been |= memory.reach.in_rooms_of(been)
-        doubts = _doubtful_passage(known, been, robot.keeping(0.0), frontiers, farthest)
+        doubts = doubtful_passage(known, been, robot.keeping(0.0), frontiers, farthest)
     seen = np.asarray(far.any(axis=0))
     frontiers, far, near = frontiers.subset(seen), far[:, seen], near[:, seen]
     # An edge counts as seen from afar only where no landmark sees it from near.
@@ -218,22 +218,6 @@ def survey(
     shown = np.where(np.asarray(sees.any(axis=1))[:, None], sees, far)
     expected = tuple((frontiers.unknown[row, 0], frontiers.unknown[row, 1]) for row in shown)
     return Survey(outlook, expected, np.isnan(headings), doubts)
-
-
-def _doubtful_passage(
-    known: KnownMap, been: NDArray[np.bool_], robot: Robot, frontiers: Frontiers, farthest: FloatArray
-) -> tuple[float, float] | None:
-    """Return x, y of where the robot perhaps gets through to see an edge, None where it is proven that it does not."""
-    possible = can_get_to(known, been, robot)
-    while True:
-        ranks = possible.astype(np.uint8)
-        found = places_in_sight(known.state, ranks, frontiers.edges, farthest, MOST_DRAWS, DENSE)
-        places = np.column_stack(np.divmod(np.unique(found[found >= 0]), ranks.shape[1]))
-        if not len(places):
-            return None
-        if (passage := way_towards(known, been, robot, places)) is not None:
-            return passage
-        possible[tuple(places.T)] = False
 
 
 def _note_looks(
