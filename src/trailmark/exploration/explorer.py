@@ -348,10 +348,11 @@ class Explorer:
         self._state.phase, self._state.follower, self._state.expected = Phase.CHOOSE, None, None
 
     def _timed(self, decide: Callable[[], list[str]]) -> list[str]:
-        """Return what happens in a decision, and keep how long it takes."""
+        """Return what happens in a decision, and keep how long it takes; the proof that ends all is none."""
         begin = perf_counter()
         events = decide()
-        self._state.decisions.append(perf_counter() - begin)
+        if self.ended is None:
+            self._state.decisions.append(perf_counter() - begin)
         return events
 
     def _sense(self) -> Belief:

@@ -2,144 +2,153 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
+from math import pi
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.collision.footprint import build_footprint
+from trailmark.collision import StateChecker
 from trailmark.exploration.frontiers import Frontiers, places_in_sight
-from trailmark.exploration.known_map import OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.known_map import OCCUPIED, UNKNOWN, KnownMap, rectangles
 from trailmark.exploration.reachability import HALF, cells_away, connected
-from trailmark.se2 import FloatArray
-from trailmark.world.robot import Robot
+from trailmark.se2 import FloatArray, wrap
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.world import Robot, World
 
-__all__ = ["can_get_to", "doubtful_passage", "way_towards"]
+__all__ = ["doubtful_passage", "way_towards"]
 
 DRAWS, DENSE = 64, 0.5
 """Places that see an edge, at most, that are asked at once; cells between rays, so that no place is left out."""
 
-FINEST: Final = 2_000_000
-"""Parts of cells, at most, to which it is told where the robot provably does not get to."""
+LEVELS, ROUND = ((1, 64), (3, 256)), ((3, 1), (9, 1))
+"""Parts of a cell, along either side, and of a turn: at first, and where these do not decide; likewise of a disc."""
 
-HEADINGS = 64
-"""Into which a turn is divided, where a disc inside the robot does not settle that."""
+MOST_ASKED = 400_000
+"""Configurations of a robot that are looked at, at most, before it is left open: half a second or so."""
 
-PARTS = 3
-"""Of a cell, along either side, likewise."""
-
-MOST_ASKED = 200_000
-"""Configurations of a robot that are looked at, at most, before it is left open."""
+POINT: Final = 1e-3
+"""Cells: radius of a point where a beam ended."""
 
 
 def doubtful_passage(
     known: KnownMap, been: NDArray[np.bool_], robot: Robot, frontiers: Frontiers, farthest: FloatArray
 ) -> tuple[float, float] | None:
-    """Return x, y of where the robot perhaps gets through to see an edge, None where it is proven that it does not."""
-    possible = can_get_to(known, been, robot)
+    """Return x, y of where the robot perhaps gets through to see an edge, None where it is proven that it does not.
+
+    Args:
+        known: the map.
+        been: cells where the robot's reference point is or was.
+        robot: without any clearance.
+        frontiers: what is left to be seen.
+        farthest: from which each edge is looked at, in cells, shape (m,).
+    """
+    inner, left = robot.reference_radius / known.cell, MOST_ASKED
+    # A disc about its reference point may not touch what is unknown; a surface lies anywhere in an occupied cell.
+    passed = cells_away(known.state == UNKNOWN) >= inner + 0.5 - HALF
+    passed &= cells_away(known.state == OCCUPIED, outside=False) >= inner - 2.0 * HALF
+    possible = connected(passed, been)
     while True:
         ranks = possible.astype(np.uint8)
         found = places_in_sight(known.state, ranks, frontiers.edges, farthest, DRAWS, DENSE)
         places = np.column_stack(np.divmod(np.unique(found[found >= 0]), ranks.shape[1]))
         if not len(places):
             return None
-        if (passage := way_towards(known, been, robot, places)) is not None:
+        passage, asked = way_towards(known, been, robot, places, left)
+        if passage is not None:
             return passage
+        left -= asked
         possible[tuple(places.T)] = False
 
 
-def can_get_to(known: KnownMap, been: NDArray[np.bool_], robot: Robot) -> NDArray[np.bool_]:
-    """Return the cells to some place of which the robot is not proven unable to get, as surfaces were measured.
-
-    It is where a disc inside it would touch what is not known, hold a point where a beam ended, or cover an occupied
-    cell in which none did. Places are told to a part of a cell, as small a one as :data:`FINEST` allows.
-
-    Args:
-        known: the map.
-        been: cells where the robot's reference point is or was.
-        robot: without any clearance.
-    """
-    f = next((f for f in (9, 7, 5, 3) if known.state.size * f**2 <= FINEST), 1)
-    inner, (rows, columns) = f * robot.reference_radius / known.cell, known.state.shape
-    unknown, begin = (mask.repeat(f, 0).repeat(f, 1) for mask in (known.state == UNKNOWN, been))
-    occupied, met = known.state == OCCUPIED, np.isfinite(known.points[..., 0])
-    surfaces, whole = np.zeros((2, *unknown.shape), np.bool_)
-    at = np.argwhere(occupied & met)
-    parts = (f * (at + known.points[occupied & met][:, ::-1])).astype(np.intp)
-    surfaces[tuple(np.clip(parts, 0, np.array(unknown.shape) - 1).T)] = True
-    whole[f // 2 :: f, f // 2 :: f] = occupied & ~met
-    # Half a diagonal for the place in its part; as much for the point in its own, or to the corners of a whole cell.
-    passed = cells_away(unknown) >= inner + 0.5 - HALF
-    passed &= cells_away(surfaces, outside=False) >= inner - 2.0 * HALF
-    passed &= cells_away(whole, outside=False) >= inner - f * HALF - HALF
-    reached = connected(passed, begin)
-    return np.asarray(reached.reshape(rows, f, -1).any(axis=1).reshape(rows, columns, f).any(axis=2))
-
-
 def way_towards(
-    known: KnownMap, been: NDArray[np.bool_], robot: Robot, places: NDArray[np.intp]
-) -> tuple[float, float] | None:
+    known: KnownMap, been: NDArray[np.bool_], robot: Robot, places: NDArray[np.intp], most: int = MOST_ASKED
+) -> tuple[tuple[float, float] | None, int]:
     """Return x, y of where a way from some places may come to where the robot was; None if, proven, none does.
 
-    Parts of cells with intervals of headings are followed from the places on, wave by wave. One is passed unless a disc
-    inside the robot meets something (:func:`can_get_to`) whatever configuration in it the robot has. Motions of a robot
-    that cannot move in every direction are among those.
+    Parts of cells with intervals of headings are followed from the places on, wave by wave. One is passed if the robot
+    fits in its middle, so much smaller that it is within itself whatever configuration in it the robot has. Motions of
+    a robot that cannot move in every direction are among those.
 
     Args:
         known: the map.
         been: cells where the robot's reference point is or was.
         robot: without any clearance.
         places: rows and columns of cells, shape (n, 2), at least one.
+        most: configurations to look at; then it is left open where the last ones are.
+
+    Returns:
+        With how many configurations were looked at.
     """
-    from scipy.spatial import cKDTree
+    around, asked = np.array(list(product((-1, 0, 1), repeat=3))), 0
+    passage: tuple[float, float] | None = None
+    for parts, turns in LEVELS if robot.sweep_radius > 0.0 else ROUND:
+        checkers = _checkers(known, robot, HALF / parts * known.cell + robot.sweep_radius * pi / turns)
+        inside = np.array(list(product(range(parts), range(parts), range(turns))))
+        wave = (np.append(parts * places, np.zeros((len(places), 1), np.intp), axis=1)[:, None] + inside).reshape(-1, 3)
+        shape = *(parts * size for size in been.shape), turns
+        last, before = np.empty((2, 0), np.int64)
+        passage = None
+        while passage is None:
+            keys = np.setdiff1d(np.ravel_multi_index(tuple(wave.T), shape), np.concatenate([last, before]))
+            asked += len(keys)
+            new = np.column_stack(np.unravel_index(keys, shape))
+            xy = np.asarray(known.origin) + known.cell / parts * (new[:, 1::-1] + 0.5)
+            states = np.column_stack([xy, wrap(new[:, 2] * (2.0 * pi / turns))])
+            for checker in checkers:
+                fits = checker.states_free(states)
+                new, states = new[fits], states[fits]
+            if not len(new):
+                return None, asked
+            if not len(last):
+                places = np.unique(new[:, :2] // parts, axis=0)  # the others are not where the robot fits
+            there = been[tuple(new[:, :2].T // parts)]
+            if there.any() or asked > most:
+                passage = float(states[there.argmax(), 0]), float(states[there.argmax(), 1])
+            # A wave's neighbours are of the wave before, of itself, or of the next.
+            before, last = last, np.ravel_multi_index(tuple(new.T), shape)
+            wave = (new[:, None] + around).reshape(-1, 3)
+            wave[:, 2] %= turns
+            wave = wave[((wave >= 0) & (wave < shape)).all(axis=1)]
+        if asked > most:
+            break
+    return passage, asked
 
-    discs = build_footprint(robot).inner
-    turns = HEADINGS if robot.heading_matters else 1
-    away = np.hypot(discs[:, 0], discs[:, 1])
-    state = np.pad(known.state, 1, constant_values=UNKNOWN)
+
+def _checkers(known: KnownMap, robot: Robot, less: float) -> list[StateChecker]:
+    """Return what tells together whether a robot, smaller by so much, meets what is known to stand in its way.
+
+    It is what is unknown, points where beams ended, and occupied cells in which none did if they are covered.
+    """
+    origin, cell = np.asarray(known.origin), known.cell
     occupied, met = known.state == OCCUPIED, np.isfinite(known.points[..., 0])
-    # Of each kind: where it is, in cells, and how much farther a disc may reach before it is certain that it meets it.
-    kinds = (
-        (np.argwhere(state == UNKNOWN)[:, ::-1] - 0.5, -0.5),
-        (np.argwhere(occupied & met)[:, ::-1] + known.points[occupied & met], 0.0),
-        (np.argwhere(occupied & ~met)[:, ::-1] + 0.5, HALF),
+    ended = np.argwhere(occupied & met)[:, ::-1] + known.points[occupied & met]
+    whole = np.argwhere(occupied & ~met)[:, ::-1] + 0.5
+    boxes = rectangles(known.state == UNKNOWN).astype(np.float64)
+    middles = origin + 0.5 * cell * (boxes[:, :2] + boxes[:, 2:])
+    sides = cell * (boxes[:, 2:] - boxes[:, :2])
+    unknown = [Rectangle((x, y), *side) for (x, y), side in zip(middles.tolist(), sides.tolist(), strict=True)]
+    points, centres = (
+        [Disc((x, y), POINT * cell) for x, y in (origin + cell * some).tolist()] for some in (ended, whole)
     )
-    trees = [(cKDTree(points), more) for points, more in kinds if len(points)]
-    least = (discs[:, 2] - away * np.pi / turns) / known.cell - HALF / PARTS
+    checkers = list[StateChecker]()
+    for obstacles, more in (([*unknown, *points], less), (centres, less + HALF * cell)):
+        smaller, shapes = _smaller(robot, more + POINT * cell), tuple[Shape, ...](obstacles)
+        if smaller is not None and shapes:
+            checkers.append(StateChecker(World("known", known.bounds, shapes), smaller))
+    return checkers
 
-    def passes(wave: NDArray[np.int64]) -> NDArray[np.bool_]:
-        theta = wave[:, 2] * 2.0 * np.pi / turns
-        free = np.ones(len(wave), np.bool_)
-        for (x, y, _), far in zip(discs, least, strict=True):
-            cos, sin = np.cos(theta[free]), np.sin(theta[free])
-            turned = np.column_stack([cos * x - sin * y, sin * x + cos * y]) / known.cell
-            centres = (wave[free, 1::-1] + 0.5) / PARTS + turned
-            for tree, more in trees:
-                if far > more and len(centres):
-                    clear = np.isinf(tree.query(centres, distance_upper_bound=far - more)[0])
-                    free[free], centres = clear, centres[clear]
-        return free
 
-    around = np.array(list(product((-1, 0, 1), repeat=3)))
-    inside = np.array(list(product(range(PARTS), range(PARTS), range(turns))))
-    wave = (np.append(PARTS * places, np.zeros((len(places), 1), np.intp), axis=1)[:, None] + inside).reshape(-1, 3)
-    shape = *(PARTS * size for size in been.shape), turns
-    last, before, asked = *np.empty((2, 0), np.int64), 0
-    while True:
-        keys = np.setdiff1d(np.ravel_multi_index(tuple(wave.T), shape), np.concatenate([last, before]))
-        asked += len(keys)
-        new = np.column_stack(np.unravel_index(keys, shape))
-        new = new[passes(new)]
-        if not len(new):
-            return None
-        there = been[tuple(new[:, :2].T // PARTS)]
-        if there.any() or asked > MOST_ASKED:
-            row, column = new[there.argmax(), :2] // PARTS
-            x, y = known.centres(np.array([row]), np.array([column]))[0].tolist()
-            return x, y
-        # A wave's neighbours are of the wave before, of itself, or of the next.
-        before, last = last, np.ravel_multi_index(tuple(new.T), shape)
-        wave = (new[:, None] + around).reshape(-1, 3)
-        wave[:, 2] %= turns
-        wave = wave[((wave >= 0) & (wave < shape)).all(axis=1)]
+def _smaller(robot: Robot, less: float) -> Robot | None:
+    """Return a robot within another one, so much away from its outline; None if nothing is left."""
+    if isinstance(robot.footprint, Disc):
+        radius = robot.footprint.radius - less
+        return Robot(replace(robot.footprint, radius=radius)) if radius > 0.0 else None
+    # Buffers are right to a hundredth; around a mitre more is taken away.
+    left = robot.outline.shapely().buffer(-1.01 * less, join_style="mitre")
+    largest = max(getattr(left, "geoms", [left]), key=lambda part: part.area, default=None)
+    if largest is None or largest.is_empty:
+        return None
+    return Robot(Polygon(tuple((x, y) for x, y in largest.exterior.coords[:-1])))
