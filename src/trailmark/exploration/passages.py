@@ -26,8 +26,9 @@ DRAWS, DENSE = 64, 0.5
 LEVELS, ROUND = ((1, 64), (3, 256)), ((3, 1), (9, 1))
 """Parts of a cell, along either side, and of a turn: at first, and where these do not decide; likewise of a disc."""
 
-MOST_ASKED = 400_000
-"""Configurations of a robot that are looked at, at most, before it is left open: half a second or so."""
+AT_ONCE, MOST_ASKED = 40, 300_000
+"""Places to which a way is sought at once; configurations of a robot that are looked at, at most, before it is left
+open: less than a second."""
 
 POINT: Final = 1e-3
 """Cells: radius of a point where a beam ended."""
@@ -56,6 +57,7 @@ def doubtful_passage(
         places = np.column_stack(np.divmod(np.unique(found[found >= 0]), ranks.shape[1]))
         if not len(places):
             return None
+        places = places[:: -(-len(places) // AT_ONCE)]
         passage, asked = way_towards(known, been, robot, places, left)
         if passage is not None:
             return passage

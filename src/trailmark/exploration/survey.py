@@ -135,8 +135,8 @@ class Survey(NamedTuple):
     doubts: tuple[float, float] | None
     """Without landmarks, x, y of a passage, metres, through which the robot itself, without a margin, is not proven
     unable to get to where something would be in sight. None is a proof that all has been seen: nothing is in sight from
-    the centre of any cell that the robot may get to, but through gaps of a cell or two, and what stayed unknown
-    although it was looked at."""
+    the centre of any cell that the robot may get to, but through gaps of a cell or two (of SMALL edges), and what
+    stayed unknown although it was looked at."""
 
 
 def survey(
@@ -191,7 +191,8 @@ def survey(
         been &= memory.reach.main_room()
         been[known.cells_of(pose[None, :2])] = True
         been |= memory.reach.in_rooms_of(been)
-        doubts = doubtful_passage(known, been, robot.keeping(0.0), frontiers, farthest)
+        large = ~small
+        doubts = doubtful_passage(known, been, robot.keeping(0.0), frontiers.subset(large), farthest[large])
     seen = np.asarray(far.any(axis=0))
     frontiers, far, near = frontiers.subset(seen), far[:, seen], near[:, seen]
     # An edge counts as seen from afar only where no landmark sees it from near.
