@@ -131,15 +131,17 @@ def _checkers(known: KnownMap, robot: Robot, less: float) -> list[StateChecker]:
     boxes = rectangles(known.state == UNKNOWN).astype(np.float64)
     middles = origin + 0.5 * cell * (boxes[:, :2] + boxes[:, 2:])
     sides = cell * (boxes[:, 2:] - boxes[:, :2])
-    unknown = [Rectangle((x, y), *side) for (x, y), side in zip(middles.tolist(), sides.tolist(), strict=True)]
+    unknown: list[Shape] = [
+        Rectangle((x, y), *side) for (x, y), side in zip(middles.tolist(), sides.tolist(), strict=True)
+    ]
     points, centres = (
-        [Disc((x, y), POINT * cell) for x, y in (origin + cell * some).tolist()] for some in (ended, whole)
+        list[Shape](Disc((x, y), POINT * cell) for x, y in (origin + cell * some).tolist()) for some in (ended, whole)
     )
     checkers = list[StateChecker]()
     for obstacles, more in (([*unknown, *points], less), (centres, less + HALF * cell)):
-        smaller, shapes = _smaller(robot, more + POINT * cell), tuple[Shape, ...](obstacles)
-        if smaller is not None and shapes:
-            checkers.append(StateChecker(World("known", known.bounds, shapes), smaller))
+        smaller = _smaller(robot, more + POINT * cell)
+        if smaller is not None and obstacles:
+            checkers.append(StateChecker(World("known", known.bounds, tuple(obstacles)), smaller))
     return checkers
 
 
@@ -153,4 +155,4 @@ def _smaller(robot: Robot, less: float) -> Robot | None:
     largest = max(getattr(left, "geoms", [left]), key=lambda part: part.area, default=None)
     if largest is None or largest.is_empty:
         return None
-    return Robot(Polygon(tuple((x, y) for x, y in largest.exterior.coords[:-1])))
+    return Robot(Polygon(np.array(largest.exterior.coords)[:-1]))
