@@ -81,6 +81,9 @@ PATIENCE, LONGEST = 0.05, 0.2
 """Seconds of computing after which a way is good enough, if one has been found that is about as long as the cells tell;
 and after which any is."""
 
+SEARCH = 0.2
+"""Likewise after which none is looked for any longer, where it is not certain that there is one."""
+
 DETOUR = 1.1
 """Times as long as the cells tell that such a way is at most, but for turns: a first one may be ten times as long."""
 
@@ -441,7 +444,8 @@ class Explorer:
         share = 1.0 if any_heading else min(FIRST * 2**memory.failed, 1.0)
         goal = Goal(pose=tuple(landmark[: 2 if any_heading else 3].tolist()))
         about = DETOUR * float(found.outlook.costs[index]) + (0.5 * np.pi if self.robot.heading_matters else 0.0)
-        result = self._way(here, goal, share * self.settings.planning_time, about)
+        longest = math.inf if any_heading else SEARCH
+        result = self._way(here, goal, share * self.settings.planning_time, about, longest)
         reason = "that there is none is proven" if result.status == "infeasible" else "none was found in time"
         if result.path is not None and not (self.robot.reverse or self._comes_back(result.path.states[-1])):
             reason = "no way back from there was found, and the robot does not drive backwards"
@@ -453,10 +457,11 @@ class Explorer:
         memory.refuse(self.mapper.known, landmark, result.status == "infeasible" and any_heading)
         return [f"no path to a landmark: {reason}", *(self._leave() if memory.failed >= DOUBTFUL else [])]
 
-    def _way(self, here: FloatArray, goal: Goal, seconds: float, about: float) -> PlanResult:
+    def _way(self, here: FloatArray, goal: Goal, seconds: float, about: float, longest: float = math.inf) -> PlanResult:
         """Return a way that is about the shortest, or after so many seconds the best that there is, if there is one.
 
-        One that costs no more than about as much is good enough after PATIENCE, any after LONGEST.
+        One that costs no more than about as much is good enough after PATIENCE, any after LONGEST; after so many
+        seconds of computing at the longest it is looked for no more.
         """
         best, begin = math.inf, thread_time()
 
@@ -465,7 +470,8 @@ class Explorer:
             best = best if progress.cost is None else progress.cost
 
         def stop() -> bool:
-            return best < math.inf and thread_time() - begin > (PATIENCE if best <= about else LONGEST)
+            enough = PATIENCE if best <= about else LONGEST if best < math.inf else longest
+            return thread_time() - begin > enough
 
         return self.planner.plan(here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
 
