@@ -29,8 +29,8 @@ from benchmarks.problems import data_folder
 from benchmarks.report import FOLDER, ROOT, Claim, keep
 from trailmark import Robot, World
 from trailmark.collision import StateChecker
-from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.explorer import Explorer
+from trailmark.exploration.result import ExplorationSettings
 from trailmark.exploration.warmup import warm_up_exploration
 from trailmark.world import Query
 from trailmark.world.library import shipped_worlds

@@ -120,6 +120,7 @@ CASES = {
         ("yard.yaml --output no/run", "the directory 'no' does not exist"),
         ("yard.yaml --output run --sensor radar", "--sensor: expected detections, laser"),
         ("yard.yaml --output run --sensor-range 0", "metres above 0"),
+        ("yard.yaml --output run --cell 0", "metres above 0"),
         ("yard.yaml --output run --strategy tours", "did you mean 'tour'"),
         ("yard.yaml --output run --confidence 1", "--confidence: expected a probability above 0 and below 1, got '1'"),
         ("yard.yaml --output run --noise -1", "0 or more"),

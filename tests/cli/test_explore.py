@@ -14,8 +14,7 @@ import pytest
 from tests.exploration.made_exploration import ROOMS, made_exploration
 
 from trailmark.exploration import Explorer
-from trailmark.exploration.exploration_folder import FILES, load_exploration, summary_of
-from trailmark.exploration.result import Status
+from trailmark.exploration.result import FILES, Status, load_exploration, summary_of
 
 Shell = Callable[..., Any]
 

@@ -12,9 +12,8 @@ import shapely
 from trailmark import Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
-from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.result import Evaluation, ExplorationProgress, ExplorationResult
+from trailmark.exploration.result import Evaluation, ExplorationProgress, ExplorationResult, ExplorationSettings
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
 

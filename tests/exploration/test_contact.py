@@ -12,9 +12,9 @@ import shapely
 from trailmark import Rectangle, Robot, World
 from trailmark.estimation.virtual_sensors import RayCaster
 from trailmark.exploration import ExplorationSettings, Explorer
-from trailmark.exploration.exploration_folder import keep_exploration, load_exploration
 from trailmark.exploration.following import contact_points
 from trailmark.exploration.known_map import OCCUPIED, UNKNOWN
+from trailmark.exploration.result import keep_exploration, load_exploration
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 
 BOUNDS = (0.0, 0.0, 6.0, 4.0)

@@ -16,15 +16,15 @@ from trailmark import World
 from trailmark.collision import StateChecker
 from trailmark.errors import FormatError, OutputError
 from trailmark.estimation import load_log
-from trailmark.exploration.exploration_folder import (
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
+from trailmark.exploration.result import (
     FILES,
+    Evaluation,
     check_folder,
     load_exploration,
     save_exploration,
     summary_of,
 )
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
-from trailmark.exploration.result import Evaluation
 from trailmark.roadmap import Roadmap
 
 DATA = [name for name in FILES if not name.startswith("exploration")]

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from tests.support.trials import few
 
-from trailmark import Disc, Path, Rectangle, Robot, World
+from trailmark import Path, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import build_footprint
-from trailmark.estimation.virtual_sensors import RayCaster, Scanner
-from trailmark.exploration.following import PathFollower
+from trailmark.exploration.following import STEP, PathFollower, way_back, way_back_to
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.se2 import compose, difference
 
@@ -67,22 +66,6 @@ def test_what_was_free_and_is_not_any_more_endangers_it() -> None:
         assert follower.endangered(known) is expected
 
 
-def test_a_surface_that_is_larger_than_it_was_endangers_it() -> None:
-    # Two poles in one cell: the second one makes no cell occupied that was free.
-    known, sensor = KnownMap((-1.0, -2.0, 4.0, 2.0), 0.1), Scanner(2000, 2.0 * np.pi, 3.0, sigma=0.0)
-    poles = Disc((1.05, 0.37), 0.01), Disc((1.05, 0.33), 0.01)
-    for count in (1, 1, 2):
-        world = World("poles", known.bounds, poles[:count])
-        scan = sensor.sweep(0.0, np.zeros(3), RayCaster(world, bounds=True), np.random.default_rng(0))
-        before = known.state.copy()
-        known.add_scan(scan, np.zeros(3), 3.0)
-        if count == 1:
-            follower = follower_of(Path(STATES[:2]), Robot.disc(0.3))
-            assert not follower.endangered(known)
-    assert not ((before == FREE) & (known.state == OCCUPIED)).any()
-    assert follower.endangered(known)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", [Robot.disc(0.3), Robot.rectangle(0.9, 0.3).keeping(0.04)], ids=["disc", "kept"])
 def test_what_does_not_endanger_it_is_not_met(robot: Robot) -> None:
@@ -108,3 +91,44 @@ def test_what_does_not_endanger_it_is_not_met(robot: Robot) -> None:
     # Nor is it said to be without need, much.
     assert outcomes.count((True, True)) < 0.15 * len(outcomes)
     assert outcomes.count((False, True)) >= few(40)
+
+
+def test_the_way_back_is_what_was_driven_last() -> None:
+    driven = np.column_stack([np.arange(6.0), np.zeros((6, 2))])
+    np.testing.assert_array_equal(way_back(driven, 2.5, 0.3)[:, 0], [5.0, 4.0, 3.0, 2.0])
+    assert len(way_back(driven, 100.0, 0.3)) == 6
+    assert len(way_back(driven[:1], 1.0, 0.3)) == 1
+
+
+def test_where_the_robot_stood_the_way_back_has_one_row() -> None:
+    driven = np.zeros((400, 3))
+    driven[200:, 0] = 0.01 * np.arange(200)
+    driven = np.concatenate([driven, np.repeat(driven[-1:], 100, axis=0)])
+    back = way_back(driven, 5.0, 0.3)
+    np.testing.assert_array_equal(back[[0, -1]], driven[[-1, 0]])
+    steps = -np.diff(back[:, 0])
+    assert (steps[:-1] >= STEP - 1e-9).all()
+    assert (steps <= 2.0 * STEP + 0.01).all()
+
+
+def test_the_way_back_is_driven_through_what_the_map_takes_for_closed_by_a_cell_alone() -> None:
+    known, robot = KnownMap((0.0, 0.0, 6.0, 4.0), 0.1), Robot.disc(0.3)
+    state = np.full(known.state.shape, FREE)
+    driven = np.column_stack([np.arange(0.5, 5.05, 0.1), np.full(46, 2.0), np.zeros(46)])
+    there = np.zeros(state.shape, np.bool_)
+    there[:, :10] = True
+    footprint = build_footprint(robot)
+    back = way_back_to(there, driven, known, robot, footprint)
+    assert back is not None
+    np.testing.assert_array_equal(back.rest[0], driven[-1])
+    assert 0.9 <= back.target[0] < 1.0
+    # A surface that reaches a cell into the robot's way, then two.
+    for row, free in ((22, True), (20, False)):
+        state[row, 30] = OCCUPIED
+        known.set_state(state)
+        assert (way_back_to(there, driven, known, robot, footprint) is not None) == free
+        assert back.endangered(known) != free
+    assert way_back_to(~there & (np.arange(60) > 50), driven[:20], known, robot, footprint) is None
+    known.set_state(np.full(state.shape, FREE))
+    ahead_alone = Robot.rectangle(0.6, 0.4).steered(0.5, reverse=False)
+    assert way_back_to(there, driven, known, ahead_alone, footprint) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,9 @@ from tests.support.trials import trials
 from trailmark.estimation import load_log, map_log
 from trailmark.estimation.readers.jsonl import write_jsonl
 from trailmark.estimation.records import Log, Pose, Scan
-from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.known_map import FREE, UNKNOWN, KnownMap
-from trailmark.exploration.mapper import Intake
+from trailmark.exploration.known_map import FREE, KnownMap
+from trailmark.exploration.mapper import Belief
+from trailmark.exploration.result import ExplorationSettings
 from trailmark.exploration.scan_mapper import ScanMapper
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 from trailmark.se2 import FloatArray, between, compose, difference
@@ -31,14 +32,14 @@ START = np.array([1.0, 2.0, 0.0])
 LASER = laser_scanner(6.0, 0.05)
 
 
-def begun(noise: float = 1.0, world: World = WORLD, cell: float = 0.05) -> tuple[SimulatedRobot, ScanMapper]:
-    robot = SimulatedRobot(world, ROBOT, START, LASER, noise=noise)
-    mapper = ScanMapper(START, KnownMap(world.bounds, cell), LASER, ROBOT, ExplorationSettings())
+def begun(noise: float = 1.0) -> tuple[SimulatedRobot, ScanMapper]:
+    robot = SimulatedRobot(WORLD, ROBOT, START, LASER, noise=noise)
+    mapper = ScanMapper(START, KnownMap(WORLD.bounds, 0.05), LASER, ROBOT, ExplorationSettings())
     mapper.take(robot.sense())
     return robot, mapper
 
 
-def drive(robot: SimulatedRobot, mapper: ScanMapper, times: int, step: tuple[float, float, float]) -> list[Intake]:
+def drive(robot: SimulatedRobot, mapper: ScanMapper, times: int, step: tuple[float, float, float]) -> list[Belief]:
     intakes = []
     for _ in range(times):
         robot.drive(np.array([[0.0, 0.0, 0.0], step]), 1.0)
@@ -65,27 +66,6 @@ def test_noisy_odometry_is_set_right_by_scans() -> None:
     assert len(mapper.trajectory) == len(mapper.covariances) == 31
     inside = mapper.known.state[mapper.known.cells_of(np.array([[6.0, 2.0], [3.0, 6.0]]))]
     assert (inside != FREE).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("noise", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
-def test_what_is_read_while_divided_cells_are_drawn_is_entered(noise: float) -> None:
-    robot, mapper = begun(noise, cell=0.1)
-    drive(robot, mapper, 10, (0.05, 0.0, 0.0))
-    draw = mapper.divided()
-    assert draw is not None
-    drive(robot, mapper, 20, (0.1, 0.1, 0.04))
-    seen_since = mapper.known.state.copy()
-    divided = draw(lambda: False)
-    before = (divided.state != UNKNOWN).sum() * divided.cell**2
-    mapper.go_on_with(divided)
-    assert mapper.known is divided
-    assert divided.cell == pytest.approx(0.05)
-    known = (divided.state != UNKNOWN).sum() * divided.cell**2
-    assert known > before + 5.0  # behind the wall
-    assert known == pytest.approx((seen_since != UNKNOWN).sum() * 0.1**2, rel=0.03)
-    drive(robot, mapper, 10, (0.05, 0.0, 0.02))
-    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.02
 
 
 @pytest.mark.slow
@@ -195,7 +175,7 @@ def test_odometry_that_stands_still_is_not_trusted_for_long() -> None:
     for _ in range(20):
         robot.drive(np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.0]]), 1.0)
         intakes.append(mapper.take(frozen.sense()))
-    assert [intake.moved for intake in intakes].count(True) == 1
+    assert [intake.redrawn for intake in intakes].count(True) == 1
     assert mapper.pose == pytest.approx(robot.pose, abs=0.03)
     assert mapper.trajectory[-1, 1:] == pytest.approx(robot.pose, abs=0.03)
 
@@ -241,4 +221,13 @@ def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> N
         free = near.buffer(1.5).difference(drawn).buffer(-mapper.margin)
         assert free.area > 1.0
         assert free.intersection(around).area == 0.0
-    assert ScanMapper(START, KnownMap(WORLD.bounds, 0.05), LASER, ROBOT, ExplorationSettings()).margin == 0.0
+
+
+def test_the_margin_is_that_of_the_noise_and_none_without_a_confidence() -> None:
+    def margin(sigma: float, confidence: float | None) -> float:
+        sensor, settings = replace(LASER, sigma=sigma), ExplorationSettings(confidence=confidence)
+        return ScanMapper(START, KnownMap(WORLD.bounds, 0.05), sensor, ROBOT, settings).margin
+
+    assert margin(0.01, None) == 0.0
+    assert 0.02 < margin(0.01, 0.9) < margin(0.01, 0.99) < margin(0.01, 0.999)
+    assert margin(0.5, 0.99) > 4.0 * margin(0.1, 0.99) > 16.0 * margin(0.01, 0.99)

@@ -26,7 +26,6 @@ def outlook(places: list[tuple[float, float]], sees: list[list[int]], areas: lis
         between=between,
         home_costs=np.zeros(n),
         areas=np.ones(n) if areas is None else np.array(areas),
-        certainty=np.zeros(n),
         frontiers=np.ones(seen.shape[1]),
         sees=seen,
         sensor_range=5.0,
@@ -44,17 +43,6 @@ def test_what_is_left_on_one_side_is_seen_before_the_far_other_side() -> None:
     o = outlook([(1.0, 0.0), (-1.2, 0.0), (3.0, 0.0), (9.0, 0.0)], [[0], [1], [2], [3]])
     assert STRATEGIES["nearest-frontier"](o) == 0
     assert STRATEGIES["tour"](o) == 1
-
-
-def test_where_a_loop_is_closed_comes_early_if_that_makes_the_robot_surer() -> None:
-    o = outlook([(4.0, 0.0), (-4.2, 0.0)], [[0], [1]])
-    assert STRATEGIES["tour"](o) == 0
-    # Turning back costs 0.2 m more of the way out, and brings the second one 8.2 m forward.
-    assert STRATEGIES["tour"](o._replace(certainty=np.array([0.0, 0.001]))) == 0
-    assert STRATEGIES["tour"](o._replace(certainty=np.array([0.0, 0.1]))) == 1
-    # Not at any price: it lies ten times as far as what is seen on the way.
-    far = outlook([(1.0, 0.0), (-10.0, 0.0)], [[0], [1]])
-    assert STRATEGIES["tour"](far._replace(certainty=np.array([0.0, 0.1]))) == 0
 
 
 def best_covering(ways: np.ndarray, sees: np.ndarray) -> float:
@@ -77,7 +65,7 @@ def test_tours_see_everything_and_are_nearly_as_short_as_the_shortest(seed: int)
     ways[:-1, :-1] = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
     sees = rng.random((n, m)) < 0.4
     sees[rng.integers(0, n, m), np.arange(m)] = True
-    order = covering_tour(ways, np.zeros(n + 2), sees)
+    order = covering_tour(ways, sees)
     assert sees[order].any(axis=0).all()
     assert len(set(order.tolist())) == len(order)
     stops = [0, *(order + 1).tolist(), n + 1]

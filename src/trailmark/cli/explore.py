@@ -13,14 +13,13 @@ from trailmark.cli import console, options
 from trailmark.cli.options import Kind, Pose, UsageError, argument, flag
 
 if TYPE_CHECKING:
-    from trailmark.exploration.exploration_folder import SavedExploration
     from trailmark.exploration.explorer import Explorer
-    from trailmark.exploration.result import ExplorationProgress, ExplorationResult
+    from trailmark.exploration.result import ExplorationProgress, ExplorationResult, SavedExploration
     from trailmark.world import World
 
 __all__ = ["explore"]
 
-EXIT_STATUS = {"complete": 0, "time": 0, "distance": 0, "stuck": 3, "silent": 3}
+EXIT_STATUS = {"complete": 0, "complete-at-confidence": 0, "time": 0, "distance": 0, "stuck": 3, "silent": 3}
 """By status; an interrupted exploration ends as every command does."""
 
 KINDS: dict[str, Kind] = {
@@ -28,6 +27,7 @@ KINDS: dict[str, Kind] = {
     "start": options.POSE,
     "sensor": options.Choice("laser", "detections"),
     "sensor-range": options.METRES,
+    "cell": options.METRES,
     "strategy": options.Choice("tour", "gain-per-cost", "nearest-frontier"),  # those of trailmark.exploration
     "confidence": options.PROBABILITY,
     "noise": options.FACTOR,
@@ -56,6 +56,14 @@ def explore(
         Text, _kept("sensor-range", "Range of the sensor; default: a fifth of the world's longer side.")
     ] = None,
     strategy: Annotated[Text, _kept("strategy", "How to choose where to go; default: tour.")] = None,
+    cell: Annotated[
+        Text,
+        _kept(
+            "cell",
+            "Side of the map's cells; what is narrower than the robot and two cells is not entered; default: a fifth "
+            "of the robot's inner radius.",
+        ),
+    ] = None,
     confidence: Annotated[
         Text, _kept("confidence", "Keep paths free of unseen obstacles with probability P, given the sensor's noise.")
     ] = None,
@@ -75,13 +83,13 @@ def explore(
 
     Exit status: 0 explored, or a limit reached; 2 bad input; 3 the robot cannot move or its sensor gives no readings.
     """
-    begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range}
+    begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range, "cell": cell}
     begun |= {"confidence": confidence, "noise": noise, "seed": seed}
     folder = _folder(output, resume, begun)
     limits = {"time_limit": time_limit, "distance_limit": max_distance}
     words = {name: text for name, text in (begun | {"world": world, "strategy": strategy}).items() if text is not None}
     beginning = Beginning.read(words) if resume is None else None
-    from trailmark.exploration.exploration_folder import (
+    from trailmark.exploration.result import (
         FILES,
         check_folder,
         keep_exploration,
@@ -163,7 +171,7 @@ def _draw(result: ExplorationResult, folder: Path) -> None:
 
 def _print_summary(record: dict[str, Any], result: ExplorationResult, folder: Path) -> None:
     last, times = result.history[-1], record["time"]
-    colour = "green" if result.status == "complete" else "yellow"
+    colour = "green" if result.status.startswith("complete") else "yellow"
     console.say(f"{record['world']}: {record['status']}, {record['reason']}", fg=colour, bold=True)
     decisions = f"{console.plural(len(result.decisions), 'decision')}, median {1e3 * times['decision_median']:.0f} ms"
     rows = [
@@ -190,6 +198,7 @@ class Beginning(NamedTuple):
     start: Pose | None
     sensor: str
     sensor_range: float | None
+    cell: float | None
     strategy: str
     confidence: float | None
     noise: float
@@ -220,14 +229,14 @@ class Beginning(NamedTuple):
         self, world: World, saved: SavedExploration | None, limits: dict[str, Any], return_home: bool
     ) -> Explorer:
         """Return the explorer of the world, until a limit of time (seconds) or distance (metres)."""
-        from trailmark.exploration.exploration_settings import ExplorationSettings
         from trailmark.exploration.explorer import Explorer
+        from trailmark.exploration.result import ExplorationSettings
         from trailmark.exploration.simulated_robot import disc_detector, laser_scanner
 
         body = options.robot_of(world, self.robot)
         if self.start is None and not world.queries:
             raise UsageError(f"world {world.name!r} holds no query to start from; expected --start X,Y,T")
-        settings = ExplorationSettings(confidence=self.confidence, return_home=return_home, **limits)
+        settings = ExplorationSettings(cell=self.cell, confidence=self.confidence, return_home=return_home, **limits)
         xmin, ymin, xmax, ymax = world.bounds
         reach = RANGE * max(xmax - xmin, ymax - ymin) if self.sensor_range is None else self.sensor_range
         laser = self.sensor == "laser"

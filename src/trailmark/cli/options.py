@@ -366,7 +366,7 @@ def grown_for(world: World, robot: Robot) -> World:
     """Return the world; if its obstacles were grown for a smaller robot, they are grown anew, with a warning."""
     if world.risk is None or world.risk.covers(robot):
         return world
-    from trailmark.estimation.risk.allocation import regrow
+    from trailmark.estimation.risk import regrow
 
     console.warn(
         f"world {world.name!r} was grown for a robot that reaches {world.risk.reach:g} m: its obstacles are grown "

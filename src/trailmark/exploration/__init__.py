@@ -9,13 +9,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trailmark.exploration.exploration_folder import load_exploration as load_exploration
-    from trailmark.exploration.exploration_folder import save_exploration as save_exploration
-    from trailmark.exploration.exploration_settings import ExplorationSettings as ExplorationSettings
     from trailmark.exploration.explorer import Explorer as Explorer
     from trailmark.exploration.result import Evaluation as Evaluation
     from trailmark.exploration.result import ExplorationProgress as ExplorationProgress
     from trailmark.exploration.result import ExplorationResult as ExplorationResult
+    from trailmark.exploration.result import ExplorationSettings as ExplorationSettings
+    from trailmark.exploration.result import load_exploration as load_exploration
+    from trailmark.exploration.result import save_exploration as save_exploration
     from trailmark.exploration.simulated_robot import DriveReport as DriveReport
     from trailmark.exploration.simulated_robot import ExploringRobot as ExploringRobot
     from trailmark.exploration.simulated_robot import SimulatedRobot as SimulatedRobot
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from trailmark.exploration.strategies import Strategy as Strategy
 
 _HOME = {
-    "load_exploration": "exploration_folder",
-    "save_exploration": "exploration_folder",
-    "ExplorationSettings": "exploration_settings",
+    "load_exploration": "result",
+    "save_exploration": "result",
+    "ExplorationSettings": "result",
     "Explorer": "explorer",
     "Outlook": "strategies",
     "Strategy": "strategies",

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.collision.field import distance_transform
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.association import AssociationMethod
 from trailmark.estimation.covariance import chi_square_quantile
@@ -21,17 +22,9 @@ from trailmark.estimation.mapping import map_log
 from trailmark.estimation.models import SensorModel
 from trailmark.estimation.records import Detection, Increment, Log, Pose, Record
 from trailmark.estimation.virtual_sensors import Detector, RayCaster
-from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.known_map import (
-    FREE,
-    OCCUPIED,
-    UNKNOWN,
-    KnownMap,
-    bounds_margins,
-    cells_that_meet,
-    strips_along,
-)
-from trailmark.exploration.mapper import CARRIED, Intake, RecordChecks
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.mapper import CARRIED, Belief, RecordChecks
+from trailmark.exploration.result import ExplorationSettings
 from trailmark.se2 import FloatArray, between, difference, transform, wrap
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
@@ -184,7 +177,9 @@ class DetectionMapper:
         risk = 0.0 if settings.confidence is None else (1.0 - settings.confidence) / DISCS
         self._spread = math.sqrt(float(chi_square_quantile(1.0 - risk, 2))) if risk else 0.0
         self._growth = dict[int, float]()
-        self._looks = np.zeros(known.state.shape, dtype=np.uint8)
+        # How often each cell was looked at, up to what is enough, and the sweep by which that was reached.
+        self._looks, self._since = np.zeros(known.state.shape, np.uint8), np.zeros(known.state.shape, np.int32)
+        self._sigmas = list[float]()  # of the robot's place at each sweep, metres
         rate = sensor.detection_rate
         self._enough = 1 if rate >= 1.0 else min(255, math.ceil(math.log(1e-3) / math.log(1.0 - rate)))
         self._free = np.zeros(known.state.shape, dtype=bool)
@@ -212,11 +207,6 @@ class DetectionMapper:
         return self._slam.result().covariances
 
     @property
-    def drifts(self) -> FloatArray:
-        """Of shape (n, 2), 0: the discs are told apart, so that seeing one again closes a loop, wherever that is."""
-        return np.zeros((len(self.trajectory), 2))
-
-    @property
     def features(self) -> tuple[MapFeature, ...]:
         """The discs that are confirmed: their centres, with covariances."""
         return self._slam.features()
@@ -226,7 +216,7 @@ class DetectionMapper:
         """0: at the confidence asked for, discs are grown and strips along the bounds are closed."""
         return 0.0
 
-    def take(self, records: Sequence[Record]) -> Intake:
+    def take(self, records: Sequence[Record]) -> Belief:
         """Take in what was sensed, and bring pose and map up to date."""
         refused, sweep = list[str](), list[Detection]()
         for record in self._checks.usable(records, refused):
@@ -238,23 +228,30 @@ class DetectionMapper:
                 self._use([record])
         heard = bool(sweep) or not any(isinstance(record, Detection) for record in records)
         if not heard or (not sweep and self._should_see()):
-            return Intake(0, tuple(refused), False, False)
+            return self._belief(0, refused)
         if not self._fits(sweep):
             self._strange += 1
             self._unplaced = sweep
             refused.append(f"detections at {sweep[0].t:.3f} s left out: expected what the map shows here, got others")
-            return Intake(1, tuple(refused), self._strange >= STRANGE, False)
-        self._strange = 0
+            return self._belief(1, refused)
+        self._strange, before = 0, self.pose
         self._use(sweep)
+        self._sigmas.append(math.sqrt(max(0.0, float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))))
+        if np.hypot(*(self.pose - before)[:2]) > self.known.cell:
+            self._forget_drift()
         self._look(sweep)
-        return Intake(1, tuple(refused), False, False)
+        return self._belief(1, refused)
 
-    def divided(self) -> None:
-        """Return that the map stays as it is: its discs do not depend on its cells."""
+    def _belief(self, readings: int, refused: list[str]) -> Belief:
+        return Belief(self.pose, self.covariance, readings, tuple(refused), self._strange >= STRANGE, False)
 
-    def go_on_with(self, known: KnownMap) -> None:
-        """Replace the map."""
-        self.known = known
+    def _forget_drift(self) -> None:
+        """Forget what was looked at from places that were less sure than now by a cell or more: it may be elsewhere."""
+        drifted = np.array([0.0, *self._sigmas]) > self._sigmas[-1] + self.known.cell
+        if not drifted.any():
+            return
+        self._looks[drifted[self._since]] = 0
+        self._free = self._away(np.s_[:, :], self._discs([])) > self._largest + self.known.cell
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
@@ -364,35 +361,45 @@ class DetectionMapper:
 
     def _look(self, sweep: Sequence[Detection]) -> None:
         """Enter what a sweep showed: discs, and around the robot the cells into which no other one reaches."""
-        from scipy.ndimage import distance_transform_edt
-
         known, reach, discs = self.known, self._sensor.max_range, self._discs(sweep)
         wide, near = self._window(reach + self._largest + 2.0 * known.cell), self._window(reach)
         rows, columns = np.mgrid[wide]
         centres = known.centres(rows.ravel(), columns.ravel())
-        looks = self._looks[wide]
+        looks, since = self._looks[wide], self._since[wide]
         few = np.flatnonzero(looks.reshape(-1) < self._enough)
-        at = few[self._in_sight(centres[few], discs.values())]
-        looks[np.unravel_index(at, looks.shape)] += 1
-        clear = looks >= self._enough
-        for disc in discs.values():
-            clear |= (np.hypot(*(centres - np.asarray(disc.center)).T) <= disc.radius).reshape(clear.shape)
-        if clear.all():
-            self._free[near] = True
-        else:
-            away = np.full(self._free.shape, 0.0)  # to the middle of the nearest cell that may hold a disc's centre
-            away[wide] = known.cell * distance_transform_edt(clear)
-            self._free[near] |= away[near] > self._largest + known.cell
+        at = np.unravel_index(few[self._in_sight(centres[few], discs)], looks.shape)
+        looks[at] += 1
+        since[at] = len(self._sigmas)
+        away = np.zeros(self._free.shape, np.float32)
+        away[wide] = self._away(wide, discs)
+        self._free[near] |= away[near] > self._largest + known.cell
         state = np.where(self._free, FREE, UNKNOWN).astype(np.uint8)
-        for disc in discs.values():
+        for disc in discs:
             part = self._window(disc.radius + known.cell, disc.center)
-            rows, columns = np.mgrid[part]
-            off = np.hypot(*(known.centres(rows.ravel(), columns.ravel()) - np.asarray(disc.center)).T)
-            state[part][off.reshape(rows.shape) <= disc.radius] = OCCUPIED
-        strips = strips_along(known, bounds_margins(self.covariance, self._robot, self._spread))
-        for strip in strips.values():
-            state[cells_that_meet(known, strip)] = OCCUPIED
-        known.set_state(state, {**discs, **strips})
+            state[part][self._off(part, disc, 0.5 * known.cell) <= disc.radius] = OCCUPIED
+        # The bounds are known in the frame that the robot began in, and no detection tells where they are. Not the root
+        # of squares: an error of the heading and the one of the place that it has led to are correlated.
+        x, y, heading = np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist()
+        for axis, sigma in ((1, x), (0, y)):
+            strip = math.ceil(self._spread * (sigma + heading * self._robot.sweep_radius) / known.cell - 1e-9)
+            if strip > 0:
+                along = np.moveaxis(state, axis, 0)
+                along[:strip] = along[-strip:] = OCCUPIED
+        known.set_state(state)
+
+    def _away(self, part: tuple[slice, slice], discs: Sequence[Disc]) -> FloatArray:
+        """Return how far the cells of a part are from the nearest of them that may hold the centre of a disc."""
+        clear = self._looks[part] >= self._enough
+        for disc in discs:
+            clear |= self._off(part, disc, 0.0) <= disc.radius
+        return np.asarray(distance_transform(~clear, self.known.cell))
+
+    def _off(self, part: tuple[slice, slice], disc: Disc, half: float) -> FloatArray:
+        """Return how far the squares, of half a side, about the middles of a part's cells are from a disc's centre."""
+        rows, columns = (np.arange(size)[at] for size, at in zip(self.known.state.shape, part, strict=True))
+        dx = np.abs(self.known.origin[0] + self.known.cell * (columns + 0.5) - disc.center[0])
+        dy = np.abs(self.known.origin[1] + self.known.cell * (rows + 0.5) - disc.center[1])
+        return np.asarray(np.hypot(np.maximum(dx - half, 0.0)[None, :], np.maximum(dy - half, 0.0)[:, None]))
 
     def _in_sight(self, points: FloatArray, discs: Iterable[Disc]) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2), are in range and in view, and not behind a disc."""
@@ -414,13 +421,13 @@ class DetectionMapper:
         rows, columns = self.known.cells_of(np.array([[x - reach, y - reach], [x + reach, y + reach]]))
         return slice(int(rows[0]), int(rows[1]) + 1), slice(int(columns[0]), int(columns[1]) + 1)
 
-    def _discs(self, sweep: Sequence[Detection]) -> dict[str, Disc]:
-        """Return the discs by name, grown for the confidence by what is not certain of their place from the robot's."""
+    def _discs(self, sweep: Sequence[Detection]) -> list[Disc]:
+        """Return the discs, grown for the confidence by what is not certain of their place from the robot's."""
         ekf, features = self._slam.filter, self._slam.features(tentative=True)
         seen = {detection.identity for detection in sweep}
         cos, sin = math.cos(self.pose[2]), math.sin(self.pose[2])
         turn = np.array([[cos, sin], [-sin, cos]])
-        discs = dict[str, Disc]()
+        discs = list[Disc]()
         for feature in features:
             if self._spread and (feature.id not in self._growth or feature.identity in seen):
                 dx, dy = feature.mean - self.pose[:2]
@@ -430,5 +437,5 @@ class DetectionMapper:
                 self._growth[feature.id] = self._spread * math.sqrt(max(0.0, float(np.linalg.eigvalsh(P)[-1])))
             radius = self._radii.get(-1 if feature.identity is None else feature.identity, self._largest)
             centre = float(feature.mean[0]), float(feature.mean[1])
-            discs[str(feature.id)] = Disc(centre, radius + self._growth.get(feature.id, 0.0))
+            discs.append(Disc(centre, radius + self._growth.get(feature.id, 0.0)))
         return discs

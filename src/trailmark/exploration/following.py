@@ -26,7 +26,6 @@ ALIKE = 1e-6
 HALF = 0.55
 """Of the way from one row to the next, from its middle to either: a curve is longer than the line between its ends."""
 
-
 AHEAD = 4
 """Half cells of the way on: what the robot ran into is taken to fill all that it would have swept there."""
 
@@ -36,7 +35,7 @@ BESIDE = 0.1
 BACK = 0.5
 """Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell."""
 
-DEEP = 1.5
+DEEP = 1.0
 """Cells inside the robot: a surface that deep in its body, where it has driven, has come there since; one less deep may
 be a matter of the map's resolution."""
 
@@ -118,30 +117,22 @@ class PathFollower:
         return np.concatenate([np.zeros((1, 3)), ahead])
 
     def endangered(self, known: KnownMap) -> bool:
-        """Return whether the rest of the path may meet something that was not there at the first call.
+        """Return whether the rest of the path may meet a cell that was free at the first call and is not any more.
 
-        The first call is made when the path was planned. A surface that is larger than it was counts as well: a wall
-        may have its corner in a cell that was occupied. False is a proof: whatever came to the planner's world since
+        The first call is made when the path was planned. False is a proof: whatever came to the planner's world since
         (:meth:`KnownMap.follow`) is no nearer to the rest of the path than the robot's clearance.
         """
         if self._near is None:
-            rows, columns = known.cells_of(self._rows[:, :2])
             near = np.zeros(known.state.shape, dtype=bool)
-            near[rows, columns] = True
-            self._near = np.nonzero(grown(near, self._reach + STEP, known.cell))
-            self._free = known.state[self._near] == FREE
-            self._surfaces, self._revision = known.surfaces(*self._near), known.revision
+            near[known.cells_of(self._rows[:, :2])] = True
+            near = grown(near, self._reach + STEP, known.cell) & (known.state == FREE)
+            self._near, self._revision = np.nonzero(near), known.revision
         if known.revision == self._revision:
             return False
         self._revision = known.revision
-        now = known.surfaces(*self._near)
-        # What stands there as a disc has no surface.
-        now[self._free & (known.state[self._near] != FREE) & (now[:, 0] > now[:, 2])] = 0, 0, known.parts, known.parts
-        larger = (now[:, :2] < self._surfaces[:, :2]).any(axis=1) | (now[:, 2:] > self._surfaces[:, 2:]).any(axis=1)
-        if not larger.any():
-            return False
-        cells = np.column_stack([self._near[1], self._near[0]] * 2)[larger]
-        return self._meets(np.tile(known.origin, 2) + known.cell * (cells + now[larger] / known.parts))
+        new = known.state[self._near] != FREE
+        middles = known.centres(self._near[0][new], self._near[1][new])
+        return bool(new.any()) and self._meets(np.hstack([middles - 0.5 * known.cell, middles + 0.5 * known.cell]))
 
     def _meets(self, boxes: FloatArray) -> bool:
         """Return whether the robot may meet one of some boxes, xmin, ymin, xmax, ymax, shape (n, 4), farther along."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -15,7 +15,7 @@ from trailmark.exploration.known_map import KnownMap
 from trailmark.se2 import FloatArray
 from trailmark.world import World
 
-__all__ = ["CARRIED", "Draw", "Intake", "Mapper", "RecordChecks"]
+__all__ = ["CARRIED", "Belief", "Mapper", "RecordChecks"]
 
 
 JUMP: Final = 0.5
@@ -29,10 +29,6 @@ MOMENT: Final = 0.1
 """Seconds for which a velocity holds at least, until the next one."""
 
 READS: Final = {Scan: "scans", Detection: "detections"}
-
-
-Draw = Callable[[Callable[[], bool]], KnownMap]
-"""Draws a map, in any thread; what it is given is asked between scans whether to end early, with part of a map."""
 
 
 class RecordChecks:
@@ -139,16 +135,20 @@ class RecordChecks:
         return ""
 
 
-class Intake(NamedTuple):
-    """What became of the records of one reading."""
+class Belief(NamedTuple):
+    """What a mapper knows after the records of one reading, and what became of them."""
 
+    pose: FloatArray
+    """Where the robot is, shape (3,)."""
+    covariance: FloatArray
+    """Of the pose, shape (3, 3), in the frame of the start."""
     readings: int
     """Scans or detections that were used."""
     refused: tuple[str, ...]
     """One sentence for each record that was not used: repeated, late, impossible."""
     lost: bool
     """Whether the innovations say that the robot is not where it should be (carried away)."""
-    moved: bool
+    redrawn: bool
     """Whether poses of the past were corrected, so that the map was drawn anew (a loop was closed)."""
 
 
@@ -165,10 +165,6 @@ class Mapper(Protocol):
         """Where the robot is, shape (3,)."""
 
     @property
-    def covariance(self) -> FloatArray:
-        """Of the pose, shape (3, 3), relative to the map around the robot."""
-
-    @property
     def trajectory(self) -> FloatArray:
         """Where it was, as is known now, shape (n, 4), rows t, x, y, theta."""
 
@@ -177,28 +173,11 @@ class Mapper(Protocol):
         """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
 
     @property
-    def drifts(self) -> FloatArray:
-        """How each pose of the trajectory is related to the last one, shape (n, 2).
-
-        Metres driven from one to the next, loops that were closed taken into account, and the standard deviation of the
-        place, metres, that this comes to.
-        """
-
-    @property
     def margin(self) -> float:
         """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one. Constant."""
 
-    def take(self, records: Sequence[Record]) -> Intake:
+    def take(self, records: Sequence[Record]) -> Belief:
         """Take in what was sensed, and bring pose and map up to date."""
-
-    def divided(self) -> Draw | None:
-        """Return what draws a map of cells of half the side of all that was read up to now, which takes a while.
-
-        None if noise or settings do not let cells be divided.
-        """
-
-    def go_on_with(self, known: KnownMap) -> None:
-        """Replace the map by the one that :meth:`divided` drew, and enter what has been read since that was called."""
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""

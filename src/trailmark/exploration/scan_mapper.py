@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -18,20 +17,17 @@ from trailmark.estimation.pose_graph import MIN_POINTS, GraphSettings
 from trailmark.estimation.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.scan_matching import Window, joined, local_map, refine, search, surface_cloud
 from trailmark.estimation.virtual_sensors import Scanner
-from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
-from trailmark.exploration.mapper import CARRIED, Draw, Intake, RecordChecks
+from trailmark.exploration.mapper import CARRIED, Belief, RecordChecks
+from trailmark.exploration.result import ExplorationSettings
 from trailmark.se2 import FloatArray, between, compose, difference
 from trailmark.world import Robot, World
 
-__all__ = ["DENSE", "ScanMapper", "apart", "draw", "graph_settings"]
+__all__ = ["ScanMapper", "apart", "graph_settings"]
 
 
 SPACING: Final = 0.25, 0.3
 """Metres and radians between scans by which a map is drawn anew, or from the log: in between little else is seen."""
-
-DENSE: Final = 0.25
-"""Times SPACING, where cells are divided: of smaller ones each scan shows fewer."""
 
 RECENT: Final = 10
 """Scans that are drawn in any case: what has vanished since is gone."""
@@ -44,7 +40,7 @@ LEAST: Final = 0.01
 """Metres by which end points scatter at least about a map made of cells."""
 
 FAR: Final = 10.0
-"""Metres: for sensors of a longer range, the lengths of scan matching grow in proportion, as the robot's speed does."""
+"""Metres: for sensors of a longer range, the lengths of scan matching grow in proportion."""
 
 SHORTEST: Final = 0.1
 """Share of the distance between nodes that counts as driven at least: before, hardly anything has been stated."""
@@ -67,17 +63,15 @@ EXACT: Final = 0.05, 0.03
 ALIKE: Final = 0.9
 """Share of the best place's fit from which on another place fits as well."""
 
-MATCHED: Final = 0.008, 0.002
-"""Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth."""
+MATCHED, MATCHED_AT = (0.008, 0.002), 0.01
+"""Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth; and
+that of the ranges by which it was measured, metres."""
 
 STRAYED: Final = 0.01, 0.004
 """Metres and radians by which wheels stray to the side in a period of a tenth of a second, slipping now and then."""
 
 PLACES: Final = 20
 """Narrow places that a run leads through, over which the risk is spread."""
-
-SURFACES: Final = 4.0
-"""Times the noise: side of a cell, at least, that comes of dividing others; smaller ones tell of noise alone."""
 
 POINTS: Final = 200
 """End points of a scan, at most, by which odometry is checked."""
@@ -86,45 +80,15 @@ MOVED: Final = 0.5
 """Cells by which a closed loop must have moved some pose for the map to be drawn anew."""
 
 
-def apart(poses: FloatArray, spacing: float = 1.0) -> NDArray[np.bool_]:
-    """Return which scans lie so many times SPACING apart from the ones before, and the last ones, shape (m,).
-
-    Args:
-        poses: of the scans, shape (m, 3).
-        spacing: times SPACING.
-    """
+def apart(poses: FloatArray) -> NDArray[np.bool_]:
+    """Return which scans, by their poses of shape (m, 3), lie SPACING apart from those before, and the last ones."""
     chosen, last = np.zeros(len(poses), np.bool_), 0
     for i, pose in enumerate(poses):
         off = np.abs(difference(poses[last], pose))
-        if i == 0 or np.hypot(off[0], off[1]) > spacing * SPACING[0] or off[2] > spacing * SPACING[1]:
+        if i == 0 or np.hypot(off[0], off[1]) > SPACING[0] or off[2] > SPACING[1]:
             chosen[i], last = True, i
     chosen[-RECENT:] = True
     return chosen
-
-
-def draw(
-    known: KnownMap,
-    scans: Sequence[Scan],
-    poses: FloatArray,
-    max_range: float,
-    spacing: float = 1.0,
-    stopped: Callable[[], bool] = bool,
-) -> KnownMap:
-    """Enter the scans that lie apart in a map, and return it.
-
-    Args:
-        known: the map, in which nothing is known.
-        scans: in the order of time.
-        poses: of the robot when they were taken, shape (m, 3).
-        max_range: metres; what was met farther away shows free space up to there.
-        spacing: times SPACING.
-        stopped: asked between scans whether to end early.
-    """
-    for i in np.flatnonzero(apart(poses, spacing)).tolist():
-        if stopped():
-            break
-        known.add_scan(scans[i], poses[i], max_range)
-    return known
 
 
 def graph_settings(sensor: Scanner, errors: FloatArray, driven: float, exact: bool) -> GraphSettings:
@@ -176,8 +140,7 @@ class ScanMapper:
         self._checks, self._reckoning = RecordChecks(Scan, sensor.max_range), DeadReckoning(self._start)
         self._slam: ScanSlam | None = None  # None as long as odometry is taken as exact
         self._scans = list[tuple[Scan, FloatArray]]()  # with their poses by odometry
-        # Where they were when the map was drawn, and when cells were divided.
-        self._drawn, self._drawn_divided = list[FloatArray](), list[FloatArray]()
+        self._drawn = list[FloatArray]()  # where they were when the map was drawn
         self._errors, self._driven = np.zeros(2), 0.0
         self._at = self._pose = self._start  # by odometry, at the last scan; and where that was
         self._strange, self._left_out, self._moved = 0, list[Scan](), False
@@ -189,8 +152,10 @@ class ScanMapper:
 
     @property
     def covariance(self) -> FloatArray:
-        """Of the pose, shape (3, 3), relative to the map around the robot."""
-        return np.zeros((3, 3)) if self._slam is None else self._slam.covariance
+        """Of the pose, shape (3, 3): that in the map around the robot, and what that has drifted since the start."""
+        if self._slam is None or not self._scans:
+            return np.zeros((3, 3))
+        return self._slam.covariance + float(self._slam.drifts()[0, 1]) ** 2 * np.diag([1.0, 1.0, 0.0])
 
     @property
     def trajectory(self) -> FloatArray:
@@ -204,25 +169,21 @@ class ScanMapper:
         return np.zeros((len(self._scans), 3, 3)) if self._slam is None else self._slam.covariances()
 
     @property
-    def drifts(self) -> FloatArray:
-        """How each pose of the trajectory is related to the last one, shape (n, 2)."""
-        return np.zeros((len(self._scans), 2)) if self._slam is None else self._slam.drifts()
-
-    @property
     def margin(self) -> float:
         """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one.
 
-        The pose's error in the map around the robot, and what wheels stray in a period, each with what its heading's
-        error comes to at the robot's farthest point, over :data:`PLACES` narrow places. The range's noise is in the
-        map: surfaces lie there about a standard deviation nearer than they are.
+        The pose's error in the map around the robot, which grows with the noise of ranges, and what wheels stray in a
+        period, each with what its heading's error comes to at the robot's farthest point, over :data:`PLACES` narrow
+        places. The error of ranges themselves is in the map: cells in which a fourth of the beams ends are occupied.
         """
         if self._settings.confidence is None:
             return 0.0
-        place, heading = np.hypot(MATCHED, STRAYED)
+        times = max(1.0, self._sensor.sigma / MATCHED_AT)
+        place, heading = np.hypot(times * np.array(MATCHED), STRAYED)
         sigma = np.hypot(place, heading * self._robot.sweep_radius)
         return float(np.sqrt(chi_square_quantile(1.0 - (1.0 - self._settings.confidence) / PLACES, 1)) * sigma)
 
-    def take(self, records: Sequence[Record]) -> Intake:
+    def take(self, records: Sequence[Record]) -> Belief:
         """Take in what was sensed, and bring pose and map up to date."""
         readings, refused, self._moved = 0, list[str](), False
         for record in self._checks.usable(records, refused):
@@ -240,26 +201,8 @@ class ScanMapper:
                 refused.append(
                     f"scan at {record.t:.3f} s left out: expected what the map shows here, got another place"
                 )
-        return Intake(readings, tuple(refused), self._strange >= STRANGE, self._moved)
-
-    def divided(self) -> Draw | None:
-        """Return what draws a map of cells of half the side; None if noise or settings do not let them be divided."""
-        finer, may_divide = self.known.refined(), self._settings.may_divide
-        if finer.cell < SURFACES * finer.noise or not may_divide(self._robot, finer.cell, finer.state.size):
-            return None
-        poses = self.trajectory[:, 1:]
-        self._drawn_divided = list(poses)
-        return partial(draw, finer, self._taken, poses, self._sensor.max_range, DENSE)
-
-    def go_on_with(self, known: KnownMap) -> None:
-        """Replace the map by the one that :meth:`divided` drew, and enter what has been read since that was called."""
-        self.known, drawn = known, self._drawn_divided
-        for (scan, _), pose in zip(self._scans[len(drawn) :], self.trajectory[len(drawn) :, 1:], strict=True):
-            known.add_scan(scan, pose, self._sensor.max_range)
-            drawn.append(pose)
-        self._drawn = drawn
-        if self._slam is not None:
-            self._draw_if_moved()
+        lost = self._strange >= STRANGE
+        return Belief(self.pose, self.covariance, readings, tuple(refused), lost, self._moved)
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
@@ -353,7 +296,8 @@ class ScanMapper:
         """Return whether a scan shows what the map has where the robot should be."""
         fit = self.known.agreement(scan, self.pose, self._sensor.max_range)
         strange = fit.is_strange
-        if self._slam is None and len(self._scans) % CHECK == CHECK - 1 and not self._is_exact(scan):
+        due = strange or len(self._scans) % CHECK == CHECK - 1
+        if self._slam is None and due and not self._is_exact(scan):
             self._match_from_now_on()
         if strange and self._slam is not None:
             at = self._slam.match(scan, self._reckoning.pose)  # perhaps wheels have slipped
@@ -398,15 +342,7 @@ class ScanMapper:
         self._moved = bool(np.hypot(*(poses - np.array(self._drawn))[:, :2].T).max() > MOVED * self.known.cell)
         if self._moved:
             self.known.clear()
-            self._draw()
+            for i in np.flatnonzero(apart(poses)).tolist():
+                self.known.add_scan(self._scans[i][0], poses[i], self._sensor.max_range)
+            self._drawn = list(poses)
         return self._moved
-
-    def _draw(self) -> None:
-        """Enter the scans so far in a map in which nothing is known."""
-        poses = self.trajectory[:, 1:]
-        draw(self.known, self._taken, poses, self._sensor.max_range)
-        self._drawn = list(poses)
-
-    @property
-    def _taken(self) -> list[Scan]:
-        return [scan for scan, _ in self._scans]

@@ -31,11 +31,6 @@ __all__ = [
 FAR = 1e6
 """Metres: in place of the cost of a way that was not found; finite, so that tours with such ways can be compared."""
 
-SURER = 2.0
-"""Metres of the tour that it is worth to come one metre earlier to where the standard deviation of the robot's place is
-expected to fall by one metre, as a loop is closed. What is mapped on the way there lies as far off as the robot.
-Without noise nothing falls."""
-
 RETURN = 0.3
 """Share of the way from the last landmark back to where the robot is that counts in the tour's cost, where there is no
 home: new frontiers appear before the tour ends, and what was left behind has to be come back for from there."""
@@ -50,7 +45,6 @@ def tour(outlook: Outlook) -> int:
     The tour ends at home, or where there is none at any landmark, rather one from which it is not far back here. What
     has been left behind near the way is so seen before the robot goes on, wherever going back later would cost more; a
     room is seen to the end before it is left.
-    Of about equal tours, that is taken which comes early to where a loop is closed (:data:`SURER`).
 
     Source: tours of frontiers instead of the nearest: Kulich, Faigl & Přeučil, "On distance utility in the exploration
     task", ICRA 2011.
@@ -62,12 +56,10 @@ def tour(outlook: Outlook) -> int:
     # The last node is home, or stands for a part of the way back here.
     ends = outlook.home_costs if outlook.home is not None else RETURN * outlook.costs
     ways[n + 1, 1 : n + 1] = ways[1 : n + 1, n + 1] = ends
-    weights = np.zeros(n + 2)
-    weights[1 : n + 1] = SURER * outlook.certainty
-    return int(covering_tour(np.minimum(ways, FAR), weights, outlook.sees)[0])
+    return int(covering_tour(np.minimum(ways, FAR), outlook.sees)[0])
 
 
-def covering_tour(ways: FloatArray, weights: FloatArray, sees: NDArray[np.bool_]) -> NDArray[np.int64]:
+def covering_tour(ways: FloatArray, sees: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return landmarks in their order along a short tour that sees everything, shape (k,).
 
     Landmarks are inserted where they make the tour least longer for what they add to what is seen. Then what is not
@@ -76,7 +68,6 @@ def covering_tour(ways: FloatArray, weights: FloatArray, sees: NDArray[np.bool_]
 
     Args:
         ways: costs between the start, n landmarks and the end, in this order, shape (n + 2, n + 2).
-        weights: of the length up to each of them, shape (n + 2,).
         sees: what each landmark sees, shape (n, m); each of m is seen by one at least.
     """
     n = len(sees)
@@ -90,11 +81,11 @@ def covering_tour(ways: FloatArray, weights: FloatArray, sees: NDArray[np.bool_]
         best = int(np.argmin(score))
         stops.insert(int(place[best + 1]), best + 1)
         unseen &= ~sees[best]
-    order = shortened_tour(ways, weights, np.array(stops, dtype=np.int64))
+    order = shortened_tour(ways, np.array(stops, dtype=np.int64))
     for _ in range(ROUNDS):
-        before = tour_cost(ways, weights, order)
-        order = shortened_tour(ways, weights, _replaced(ways, weights, sees, order))
-        if tour_cost(ways, weights, order) >= before - 1e-9:
+        before = tour_cost(ways, order)
+        order = shortened_tour(ways, _replaced(ways, sees, order))
+        if tour_cost(ways, order) >= before - 1e-9:
             break
     return np.asarray(order[1:-1] - 1)
 
@@ -107,9 +98,7 @@ def _insertions(ways: FloatArray, order: NDArray[np.int64]) -> tuple[FloatArray,
     return longer[np.arange(len(ways)), place], place + 1
 
 
-def _replaced(
-    ways: FloatArray, weights: FloatArray, sees: NDArray[np.bool_], order: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _replaced(ways: FloatArray, sees: NDArray[np.bool_], order: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the tour with each landmark in turn left out, or replaced, where that makes it shorter."""
     stops = order.tolist()
     for stop in order[1:-1].tolist():
@@ -122,23 +111,22 @@ def _replaced(
         longer, place = _insertions(ways, np.array(rest))
         best = int(fit[np.argmin(longer[fit])])
         rest.insert(int(place[best]), best)
-        if tour_cost(ways, weights, np.array(rest)) < tour_cost(ways, weights, np.array(stops)) - 1e-9:
+        if tour_cost(ways, np.array(rest)) < tour_cost(ways, np.array(stops)) - 1e-9:
             stops = rest
     return np.array(stops, dtype=np.int64)
 
 
 @njit(nogil=True, numbers=True)
-def tour_cost(ways: FloatArray, weights: FloatArray, order: NDArray[np.int64]) -> float:
-    """Return the length of a tour, and the lengths up to its nodes, weighted, in addition."""
-    length, cost = 0.0, 0.0
+def tour_cost(ways: FloatArray, order: NDArray[np.int64]) -> float:
+    """Return the length of a tour."""
+    length = 0.0
     for i in range(1, len(order)):
         length += ways[order[i - 1], order[i]]
-        cost += weights[order[i]] * length
-    return length + cost
+    return length
 
 
 @njit(nogil=True)
-def shortened_tour(ways: FloatArray, weights: FloatArray, order: NDArray[np.int64]) -> NDArray[np.int64]:
+def shortened_tour(ways: FloatArray, order: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return a tour with its order improved, its ends kept, until no reversal and no move of a part makes it better.
 
     Sources: 2-opt: Croes, "A method for solving traveling-salesman problems", Operations Research 1958; Or-opt: Or,
@@ -146,11 +134,10 @@ def shortened_tour(ways: FloatArray, weights: FloatArray, order: NDArray[np.int6
 
     Args:
         ways: costs between nodes, shape (n, n).
-        weights: of the length up to each node, shape (n,).
         order: nodes in their order, shape (k,).
     """
     tour, k = order.copy(), len(order)
-    best = tour_cost(ways, weights, tour)
+    best = tour_cost(ways, tour)
     better = True
     while better:
         better = False
@@ -164,7 +151,7 @@ def shortened_tour(ways: FloatArray, weights: FloatArray, order: NDArray[np.int6
                     for turned in range(2):
                         piece = part[::-1].copy() if turned else part
                         other = np.concatenate((rest[:at], piece, rest[at:]))
-                        cost = tour_cost(ways, weights, other)
+                        cost = tour_cost(ways, other)
                         if cost < best - 1e-9:
                             tour, best, better = other, cost, True
     return tour
@@ -180,16 +167,13 @@ class Outlook(NamedTuple):
     landmarks: FloatArray
     """Configurations, shape (n, 3)."""
     costs: FloatArray
-    """Of the way from here to each, shape (n,), metres: certified where a path has been planned, else estimated."""
+    """Estimated costs of the ways from here to each, shape (n,), metres."""
     between: FloatArray
     """Estimated costs of the ways between landmarks, shape (n, n), metres."""
     home_costs: FloatArray
     """Estimated costs of the ways from each landmark home, shape (n,), metres; 0 without a home."""
     areas: FloatArray
-    """Unknown area that is expected to be seen from each, shape (n,), square metres (ray casting)."""
-    certainty: FloatArray
-    """How much the standard deviation of the robot's place is expected to fall at each, shape (n,), metres: loops that
-    are closed there; 0 without noise."""
+    """Unknown area that is expected to be seen from each behind the frontiers in sight, shape (n,), square metres."""
     frontiers: FloatArray
     """Lengths of the frontiers between free and unknown space, shape (m,), metres."""
     sees: NDArray[np.bool_]

@@ -1,44 +1,74 @@
-"""What is left to be seen, and from where: the survey on which a choice rests, or the proof that nothing is left."""
+"""What is left to be seen, and the landmarks to see it from.
+
+These are K-means centres of the free space known so far, and of places that see the frontiers left over.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import pi
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.exploration.candidates import MOST_TRIES, Search, middles_of
-from trailmark.exploration.cells import quarters
-from trailmark.exploration.frontiers import Frontiers, frontiers_of
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.reachability import CERTAIN, Reach
-from trailmark.exploration.result import Status
+from trailmark.collision import StateChecker
+from trailmark.exploration.frontiers import Frontiers, frontiers_of, nearest_looks, places_in_sight, sight
+from trailmark.exploration.known_map import KnownMap
+from trailmark.exploration.passages import doubtful_passage
+from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, Travel, reach_of
 from trailmark.exploration.strategies import Outlook
-from trailmark.exploration.travel import Travel, expected_falls
-from trailmark.exploration.views import expected_areas, nearest_looks
-from trailmark.planning.planner import LandmarkPlanner
-from trailmark.se2 import FloatArray
-from trailmark.world.robot import Robot
+from trailmark.landmarks.executions import landmarks_for_area
+from trailmark.landmarks.sampling import k_means_landmarks
+from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["EXCLUDED", "Memory", "Survey", "survey"]
+__all__ = ["MOST_TRIES", "Memory", "Survey", "survey"]
 
-NEARER = 0.5
-"""Share of the sensor's range: a cell that stays unknown although it was in sight from nearer cannot be told; one that
-was in sight from farther away is looked at again from this share of the distance at most."""
+SAMPLES = 1000
+"""Free places that are clustered."""
+
+MOST = 40
+"""Landmarks of the free space at most: a decision has to be quick."""
+
+STEPS = 5
+"""Of Lloyd's algorithm."""
+
+GROUPS = 60
+"""Groups of frontiers that no landmark sees, the nearest ones, for which places are looked for while there are any."""
+
+NEAR = 0.5
+"""Share of the distance up to which an edge can be seen, from which it is looked at if possible; also of the sensor's
+range, nearer than which a look at a cell that stays unknown is the last one. From farther away little of what lies
+behind a frontier is in range, and it has to be driven to again."""
+
+FEW = 12
+"""Edges of a frontier up to which every place that sees it counts as near: little lies behind it, and to come nearer
+takes more of the way than that is worth."""
 
 SMALL = 4
-"""Cells of a frontier up to which one look is enough, from wherever; it is aimed from so near, at once."""
+"""Edges of a frontier up to which one look is enough, from wherever; it is aimed from so near, at once."""
 
-APART = 6.0
-"""Cells between places that the robot sensed at, at which it is told what was in sight."""
+EDGES = 4
+"""Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
 
-MOST_PLACES = 60
-"""Of them, since the last survey."""
+SPARSE, DENSE = 4.0, 0.5
+"""Cells between neighbouring rays where they end: of what is asked first, and so that no cell in sight is left out."""
 
-TRIES = 2
-"""Landmarks that the robot came to in order to see a cell that stayed unknown, before it is given up."""
+TURNS = 32
+"""Headings that are tried where the robot does not fit with any."""
+
+DRAWS, MOST_DRAWS = 4, 64
+"""Places drawn of those that see an edge; as many times more, up to so many, where the robot fits at none of them."""
+
+MOST_TRIES, NO_ROOM = 3, 255
+"""As often ways to a place are looked for; in place of that number where the robot does not fit."""
+
+REFUSED = 2
+"""Cells on all sides of one to which no way was found, to which none is looked for then either; where it is not certain
+that there is a way, twice as many after each landmark in a row, so that what can be reached gets its turn."""
+
+APART, MOST_PLACES = 6.0, 60
+"""Cells between places that the robot sensed at since the last survey, at which it is told what was in sight; and how
+many of them there are at most."""
 
 ARRIVED = 2.0
 """Cells from a landmark at which the robot has come to it."""
@@ -46,89 +76,51 @@ ARRIVED = 2.0
 MOSTLY = 0.6
 """Share of a frontier that has to be in sight for it to count as seen, if there is a landmark that sees as much."""
 
-EXCLUDED = 254
-"""In place of how often no way was found: it is proven that there is none."""
-
-RAYS = 180
-"""By which expected areas are found."""
+Cells = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows and columns."""
 
 
+@dataclass
 class Memory:
-    """What an exploration found out about its map that the map does not tell.
+    """What an exploration found out that the map does not tell; arrays have its shape (rows, columns)."""
 
-    Args:
-        known: the map.
+    looked: NDArray[np.float32]
+    """Metres from which each cell was looked at and stayed unknown, infinite if never."""
+    refused: NDArray[np.uint8]
+    """How often no way to a cell was found since something changed around it; NO_ROOM where the robot does not fit."""
+    reach: Reach | None = None
+    """Where the robot gets to, as of the last survey; ``before``: as of when it was looked at what had changed."""
+    before: Reach | None = None
+    sensed: int = 0
+    """Readings of the sensor up to the last survey."""
+    failed: int = 0
+    """Landmarks in a row to which no way was found."""
+    aim: tuple[FloatArray, Cells] | None = None
+    """The last landmark, x, y, and the unknown cells that it was to show."""
 
-    Attributes:
-        sensed: readings of the sensor up to the last survey.
-        been: cells where the robot's reference point was.
-        looked: metres from which each cell was looked at and stayed unknown, infinite if never.
-        tries: how often the robot came to a landmark to see a cell, and it stayed unknown.
-        aim: the last landmark, x, y, and rows and columns of the cells that it was to show.
-        refused: how often no way to a cell was found, since changes around it were last taken into account.
-        never: cells to which no way leads whatever is where nothing is known yet, as the surfaces known then go.
-        again: cells around which the map has changed since then.
-        outdated: cells of which it was proven that no way leads there before the robot last drove.
-        refusal: why there is no way to the last landmark, in words.
-        failed: landmarks in a row to which no way was found.
-        closed_in: whether, as the map is, no way leads back to where the robot came from.
-        confirmed: whether all that was refused has been tried again since the robot last drove.
-        levels: where the robot gets to, from NOWHERE to CERTAIN, as of the last survey.
-        reach: tells that; None before the first survey.
-    """
+    @classmethod
+    def of(cls, known: KnownMap) -> Memory:
+        """Return the memory with which an exploration begins."""
+        return cls(np.full(known.state.shape, np.inf, np.float32), np.zeros(known.state.shape, np.uint8))
 
-    def __init__(self, known: KnownMap) -> None:
-        shape = known.state.shape
-        self.sensed = 0
-        self.been = np.zeros(shape, np.bool_)
-        self.looked = np.full(shape, np.inf, np.float32)
-        self.tries = np.zeros(shape, np.int32)
-        self.aim: tuple[FloatArray, tuple[NDArray[np.intp], NDArray[np.intp]]] | None = None
-        self.refused = np.zeros(shape, np.uint8)
-        self.never, self.again, self.outdated = (np.zeros(shape, np.bool_) for _ in range(3))
-        self.refusal = ""
-        self.failed, self.closed_in, self.confirmed = 0, False, False
-        self.levels = np.full(shape, CERTAIN, np.uint8)
-        self.reach: Reach | None = None
-
-    def find_levels(self, known: KnownMap, robot: Robot) -> NDArray[np.bool_]:
-        """Find out where the robot gets to; return around which cells that may have changed, shape (rows, columns).
-
-        Args:
-            known: the map.
-            robot: with the clearance that it keeps.
-        """
-        if self.reach is None:
-            self.reach = Reach(robot, known.cell)
-        self.levels, changed = self.reach.levels(known.state, self.been)
-        return np.asarray(changed | self.reach.in_rooms_of(changed))
-
-    def main_room(self) -> NDArray[np.bool_]:
-        """Return the cells of the largest room that the robot was in (:class:`Reach`), shape (rows, columns)."""
-        if self.reach is None:
-            return np.zeros(self.been.shape, np.bool_)
-        sizes = np.bincount(self.reach.rooms[self.levels == CERTAIN], minlength=1)
-        sizes[0] = 0
-        return np.asarray((self.reach.rooms == sizes.argmax()) & (self.reach.rooms > 0))
-
-    def divided(self, state: NDArray[np.uint8], known: KnownMap) -> Memory:
-        """Return what holds as well in a map of cells of half the side; where ways lead is to be asked anew.
-
-        What was known before counts as looked at, although beams may lie too far apart to show all quarters.
-
-        Args:
-            state: of the cells before, UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
-            known: the map.
-        """
-        finer, shape = Memory(known), known.state.shape
-        finer.sensed, finer.been = self.sensed, quarters(self.been, shape)
-        finer.looked = np.where(quarters(state, shape) == UNKNOWN, quarters(self.looked, shape), np.float32(0.0))
-        finer.tries = quarters(self.tries, shape)
-        return finer
+    def refuse(self, known: KnownMap, place: FloatArray, certainly: bool) -> None:
+        """Note that no way to a place x, y was found; certainly: it is proven that there is none."""
+        assert self.reach is not None  # noqa: S101 # places come of surveys
+        row, column = (int(at[0]) for at in known.cells_of(place[None, :2]))
+        refused = np.zeros(self.refused.shape, np.bool_)
+        # What is so for one place of a room is so for all of it.
+        refused[_around(row, column, REFUSED)] = True
+        refused |= self.reach.in_rooms_of(refused)
+        wider = _around(row, column, REFUSED * 2 ** min(self.failed, 10))
+        refused[wider] |= self.reach.levels[wider] < CERTAIN
+        refused &= self.refused < MOST_TRIES
+        self.refused[refused] = MOST_TRIES if certainly else self.refused[refused] + 1
+        self.failed += 1
+        self.aim = None
 
     def forget_failures(self) -> None:
-        """Forget to where no way was found, without proof that there is none: the robot stood where none leads out."""
-        self.refused[self.refused <= MOST_TRIES] = self.failed = 0
+        """Forget to where no way was found: the robot stood where none leads out."""
+        self.refused[:] = self.failed = 0
 
 
 class Survey(NamedTuple):
@@ -136,176 +128,125 @@ class Survey(NamedTuple):
 
     outlook: Outlook
     """What to choose from; without landmarks if nothing is left."""
-    ended: str
-    """Why nothing is left, in a sentence; empty as long as something is."""
-    status: Status
-    """``complete`` where nothing is left: nothing is in sight from the centre of any cell that the robot gets to, but
-    through gaps of a cell or two, and what stayed unknown although it was looked at. That no way leads elsewhere was
-    proven since the robot last drove: what opens while it stands is not looked at again. ``stuck`` where something
-    would be in sight from a place to which no way was found, nor is it proven that there is none."""
-    expected: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
-    """For each landmark, rows and columns of the unknown cells at the frontiers that it is to show."""
+    expected: tuple[Cells, ...]
+    """For each landmark, the unknown cells at the frontiers that it is to show."""
     any_heading: NDArray[np.bool_]
     """Which landmarks may be come to with any heading, shape (n,)."""
-    narrow: bool
-    """Whether something would be in sight from a place to which, as the surfaces were measured, it is proven that no
-    way leads, but to which one may lead as far as the cells tell."""
+    doubts: tuple[float, float] | None
+    """Without landmarks, x, y of a passage, metres, through which the robot itself, without a margin, is not proven
+    unable to get to where something would be in sight. None is a proof that all has been seen: nothing is in sight from
+    the centre of any cell that the robot may get to, but through gaps of a cell or two (of SMALL edges), and what
+    stayed unknown although it was looked at."""
 
 
 def survey(
     known: KnownMap,
-    planner: LandmarkPlanner,
-    robot: Robot,
+    checker: StateChecker,
     pose: FloatArray,
     home: FloatArray | None,
     sensor_range: float,
     rng: np.random.Generator,
     memory: Memory,
-    sensed: FloatArray | None = None,
+    driven: FloatArray,
+    sees_around: bool = True,
     looked_around: bool = True,
-    visited: FloatArray | None = None,
 ) -> Survey:
     """Return what is left to be seen, after the robot has sensed where it is.
 
     Args:
-        known: the map; the planner's world follows it.
-        planner: that plans in it.
-        robot: with the clearance that it keeps.
+        known: the map; the checker's world follows it.
+        checker: of the robot with the clearance that it keeps.
         pose: where it is, shape (3,).
         home: where the exploration has to end, shape (3,), or None.
         sensor_range: metres.
         rng: draws the places that are clustered.
-        memory: of the exploration.
-        sensed: where the sensor was read so far, as is known now, in the order of time, shape (n, 3); None: here alone.
-        looked_around: whether the sensor has looked into all directions here.
-        visited: where the robot was, the last where it is: x, y and their standard deviation, metres, shape (m, 3).
+        memory: of the exploration, written to.
+        driven: where the sensor was read so far, as is known now, in the order of time, shape (n, 3).
+        sees_around: whether the sensor sees all around.
+        looked_around: whether it has looked into all directions here.
     """
-    state, cell = known.state, known.cell
-    frontiers = frontiers_of(state, state == UNKNOWN, 0.5 * sensor_range / cell)
-    _note_looked(memory, known, frontiers, np.asarray(pose) if looked_around else None, sensed, sensor_range)
-    looked = memory.looked[frontiers.unknown[:, 0], frontiers.unknown[:, 1]]
-    small = (np.bincount(frontiers.group, minlength=frontiers.groups) <= SMALL)[frontiers.group]
-    left = np.where(small, np.isinf(looked), looked > NEARER * sensor_range)
+    state, cell, robot = known.state, known.cell, checker.robot
+    reach = NEAR * sensor_range
+    frontiers = frontiers_of(state, reach / cell)
+    places = driven[memory.sensed :, :2] if sees_around else np.empty((0, 2))
+    memory.sensed = len(driven)
+    _note_looks(memory, known, frontiers, _spaced(places, cell), pose[:2] if looked_around else None, sensor_range)
+    looked = memory.looked[tuple(frontiers.unknown.T)]
+    small = (frontiers.sizes <= SMALL)[frontiers.group]
+    left = np.where(small, np.isinf(looked), looked > reach)
     frontiers, looked, small = frontiers.subset(left), looked[left].astype(np.float64), small[left]
-    away = np.minimum(np.where(small, NEARER, 1.0) * sensor_range, NEARER * looked) / cell
-    _update_levels(known, robot, pose, memory)
-    levels = memory.levels
-    here = (np.asarray(pose)[:2] - np.asarray(known.origin)) / cell
-    search = Search(known, planner.checker, levels, memory.refused, frontiers, away, here)
-    found = search.candidates(sensor_range / cell, rng)
-    if not len(found.cells) and not memory.confirmed and (memory.again | memory.outdated).any():
-        # What has changed elsewhere may have opened a way. Once, as long as the robot stands: with noise each reading
-        # changes the map, and the same would be proven again and again.
-        _try_again(memory, memory.again | memory.outdated)
-        memory.confirmed = True
-        search = replace(search)  # what it found out no longer holds
-        found = search.candidates(sensor_range / cell, rng)
-    seen = found.sees.any(axis=0)
-    frontiers, far, near = frontiers.subset(np.asarray(seen)), found.sees[:, seen], found.near[:, seen]
+    farthest = np.minimum(np.where(small, reach, sensor_range), NEAR * looked) / cell
+    been = np.zeros(state.shape, np.bool_)
+    been[known.cells_of(np.vstack([driven[:, :2], pose[None, :2]]))] = True
+    memory.reach = reach_of(known, been, robot)
+    if memory.failed == 0:
+        # Not between failures: noise changes the map with each reading, and other places are to get their turn.
+        memory.refused[_changed(memory.before, memory.reach, robot.circumradius / cell + 3.0)] = 0
+        memory.before = memory.reach
+    search = _Search(known, checker, memory, frontiers, farthest, (pose[:2] - np.asarray(known.origin)) / cell)
+    cells, headings, far, near = search.candidates(sensor_range / cell, rng)
+    doubts = None
+    if not len(cells):
+        # From here, and from where there is most room: what lies elsewhere may have been shut since.
+        been &= memory.reach.main_room()
+        been[known.cells_of(pose[None, :2])] = True
+        been |= memory.reach.in_rooms_of(been)
+        large = ~small
+        doubts = doubtful_passage(known, been, robot.keeping(0.0), frontiers.subset(large), farthest[large])
+    seen = np.asarray(far.any(axis=0))
+    frontiers, far, near = frontiers.subset(seen), far[:, seen], near[:, seen]
     # An edge counts as seen from afar only where no landmark sees it from near.
     sees = near | (far & ~near.any(axis=0))
-    n = len(found.cells)
+    n = len(cells)
     ends = np.asarray([pose, pose if home is None else home], dtype=np.float64)
-    ways = Travel(levels, robot.reference_radius / cell).between(
-        np.concatenate([np.column_stack(known.cells_of(ends[:, :2])), found.cells])
-    )
-    ways *= cell
-    centres = middles_of(found.cells)
-    areas = expected_areas(state, centres, sensor_range / cell, _free_path(state), RAYS) * cell**2
-    landmarks = np.column_stack([known.centres(*found.cells.T), np.nan_to_num(found.headings)])
-    falls = np.zeros(n)
-    if visited is not None:
-        falls = expected_falls(landmarks[:, :2], visited[:, :2], visited[:, 2], 0.5 * sensor_range)
+    travel = Travel(memory.reach.levels, (robot.reference_radius + robot.clearance) / cell)
+    ways = cell * travel.between(np.concatenate([np.column_stack(known.cells_of(ends[:, :2])), cells]))
+    # Half a range behind each frontier, but no more than half of what is in range.
+    areas = np.minimum(far.sum(axis=1) * cell * reach, 0.5 * np.pi * sensor_range**2)
     outlook = Outlook(
         here=np.asarray(pose, dtype=np.float64),
         home=home,
-        landmarks=landmarks,
-        costs=np.array(ways[0, 2:]),
-        between=np.array(ways[2:, 2:]),
-        home_costs=np.zeros(n) if home is None else np.array(ways[1, 2:]),
+        landmarks=np.column_stack([known.centres(*cells.T), np.nan_to_num(headings)]),
+        costs=ways[0, 2:].copy(),
+        between=ways[2:, 2:].copy(),
+        home_costs=np.zeros(n) if home is None else ways[1, 2:].copy(),
         areas=areas,
-        certainty=falls,
-        frontiers=frontiers.lengths(cell),
+        frontiers=np.asarray(frontiers.sizes * cell, np.float64),
         sees=_groups_seen(sees, frontiers),
         sensor_range=sensor_range,
     )
-    ended = "" if n else "everything has been seen that can be seen from where the robot can get to"
-    status: Status = "complete"
-    if ended and search.shows_more(MOST_TRIES):
-        # No proof, so not complete.
-        status = "stuck"
-        undecided = float(((memory.refused > 0) & (memory.refused <= MOST_TRIES)).sum()) * cell**2
-        ended = (
-            f"no way was found to {undecided:.2g} m² of free space, nor is it proven that there is none; what can be "
-            "seen from elsewhere has been seen"
-        )
-    unknown = frontiers.unknown
     # A landmark all of whose edges others see from near is to show those that it sees from afar.
-    shown = np.asarray(np.where(np.asarray(sees.any(axis=1))[:, None], sees, far))
-    expected = tuple((unknown[row, 0], unknown[row, 1]) for row in shown)
-    narrow = bool(ended) and search.shows_more(EXCLUDED)
-    if narrow and status == "complete":
-        ended += f", as far as cells of {cell:.3g} m tell where it fits"
-    return Survey(outlook, ended, status, expected, np.isnan(found.headings), narrow)
+    shown = np.where(np.asarray(sees.any(axis=1))[:, None], sees, far)
+    expected = tuple((frontiers.unknown[row, 0], frontiers.unknown[row, 1]) for row in shown)
+    return Survey(outlook, expected, np.isnan(headings), doubts)
 
 
-def _update_levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> None:
-    """Find out where the robot gets to; where that has changed, what was refused is to be tried again."""
-    memory.been[known.cells_of(np.asarray(pose)[None, :2])] = True
-    memory.again |= memory.find_levels(known, robot)
-    if memory.failed == 0:
-        # Not between failures: noise changes the map with each reading, and other places are to get their turn.
-        _try_again(memory, memory.again & ~memory.never)
-
-
-def _try_again(memory: Memory, cells: NDArray[np.bool_]) -> None:
-    """Forget that no way to cells, shape (rows, columns), was found, or leads there."""
-    memory.refused[cells] = 0
-    memory.never[cells] = memory.again[cells] = memory.outdated[cells] = False
-
-
-def _groups_seen(sees: NDArray[np.bool_], frontiers: Frontiers) -> NDArray[np.bool_]:
-    """Return which landmarks see most of which group, or as much of it as any landmark does, shape (n, groups)."""
-    counts = np.zeros((len(sees), frontiers.groups))
-    for i, row in enumerate(sees):
-        counts[i] = np.bincount(frontiers.group[row], minlength=frontiers.groups)
-    sizes = np.bincount(frontiers.group, minlength=frontiers.groups)
-    return np.asarray((counts > 0) & (counts >= np.minimum(MOSTLY * sizes, counts.max(axis=0, initial=0))))
-
-
-def _note_looked(
+def _note_looks(
     memory: Memory,
     known: KnownMap,
     frontiers: Frontiers,
-    pose: FloatArray | None,
-    sensed: FloatArray | None,
+    places: FloatArray,
+    here: FloatArray | None,
     sensor_range: float,
 ) -> None:
-    """Note the unknown cells that were wholly in sight since the last survey: they were looked at, and stayed unknown.
+    """Note from how near unknown cells were in sight since the last survey: they were looked at, and stayed unknown.
 
-    So were those that the last landmark was to show, if the robot has come there as often as that.
+    So were those that the last landmark was to show, if the robot has come there.
     """
-    here = np.empty((0, 2)) if pose is None else pose[None, :2]
-    places = here
-    if sensed is not None:
-        places = np.concatenate([_spaced(sensed[memory.sensed :, :2], known.cell), here])
-        memory.sensed = len(sensed)
+    places = places if here is None else np.vstack([places, here])
     cells = np.unique(frontiers.unknown, axis=0)
     rows, columns = known.state.shape
     places = np.clip((places - np.asarray(known.origin)) / known.cell, 0.0, np.array([columns, rows]) - 1e-9)
     away = nearest_looks(
-        known.state,
-        known.surface_boxes(),
-        np.ascontiguousarray(places),
-        np.ascontiguousarray(cells, np.int64),
-        sensor_range / known.cell,
+        known.state, np.ascontiguousarray(places), np.ascontiguousarray(cells, np.int64), sensor_range / known.cell
     )
     np.minimum.at(memory.looked, tuple(cells.T), (away * known.cell).astype(np.float32))
-    if memory.aim is not None and pose is not None:
+    if memory.aim is not None and here is not None:
         place, expected = memory.aim
-        if np.hypot(*(place - pose[:2])) <= ARRIVED * known.cell:
-            memory.tries[expected] += 1
-            memory.looked[memory.tries >= TRIES] = 0.0
+        if np.hypot(*(place - here)) <= ARRIVED * known.cell:
+            away = np.hypot(*(known.centres(*expected) - here).T).astype(np.float32)
+            # Cells that are in sight by the map alone would be aimed at for ever.
+            memory.looked[expected] = np.minimum(memory.looked[expected], away)
             memory.aim = None
 
 
@@ -318,10 +259,176 @@ def _spaced(points: FloatArray, cell: float) -> FloatArray:
     return np.asarray(points[np.unique(np.searchsorted(along, wanted))])
 
 
-def _free_path(state: NDArray[np.uint8]) -> float:
-    """Return how far a ray goes in free space on average (Cauchy: pi times area over perimeter), in cells."""
-    free, occupied = state == FREE, state == OCCUPIED
-    walls = sum(int((a & b).sum()) for a, b in ((free[1:], occupied[:-1]), (free[:-1], occupied[1:])))
-    walls += sum(int((a & b).sum()) for a, b in ((free[:, 1:], occupied[:, :-1]), (free[:, :-1], occupied[:, 1:])))
-    # Cells' edges overstate the length of walls that run at odd angles by 4/pi on average.
-    return float(max(pi * free.sum() / max(walls * pi / 4.0, 1.0), 4.0))
+def _changed(before: Reach | None, now: Reach, around: float) -> NDArray[np.bool_]:
+    """Return the cells within a distance of which something changed, and all of the rooms that these are in."""
+    if before is None:
+        return np.zeros(now.levels.shape, np.bool_)
+    changed = np.asarray(np.minimum(before.distance, around) != np.minimum(now.distance, around))
+    return changed | now.in_rooms_of(changed)
+
+
+def _around(row: int, column: int, cells: int) -> tuple[slice, slice]:
+    """Return so many rows and columns to all sides of a cell."""
+    return slice(max(row - cells, 0), row + cells + 1), slice(max(column - cells, 0), column + cells + 1)
+
+
+def _groups_seen(sees: NDArray[np.bool_], frontiers: Frontiers) -> NDArray[np.bool_]:
+    """Return which landmarks see most of which group, or as much of it as any landmark does, shape (n, groups)."""
+    sizes = frontiers.sizes
+    counts = np.array([np.bincount(frontiers.group[row], minlength=len(sizes)) for row in sees])
+    counts = counts.reshape(len(sees), len(sizes))
+    return np.asarray((counts > 0) & (counts >= np.minimum(MOSTLY * sizes, counts.max(axis=0, initial=0))))
+
+
+def _middles(cells: NDArray[np.intp]) -> FloatArray:
+    """Return the centres x, y of cells, shape (n, 2), rows and columns, in cells from the grid's corner."""
+    return np.ascontiguousarray(cells[:, ::-1] + 0.5, dtype=np.float64)
+
+
+class _Search(NamedTuple):
+    """Where places to look from are sought."""
+
+    known: KnownMap
+    checker: StateChecker
+    memory: Memory
+    frontiers: Frontiers
+    farthest: FloatArray
+    """From which each edge is looked at, in cells, shape (m,)."""
+    here: FloatArray
+    """Where the robot is, x, y in cells, shape (2,)."""
+
+    def candidates(
+        self, sensor_range: float, rng: np.random.Generator
+    ) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return places from which all frontiers are seen that can be seen from where the robot can get to.
+
+        First K-means centres of free places, as many as the sensor's range asks for; then, for each group of frontiers
+        that none of them sees from near, the K-means centre of places drawn of those that do. Where nothing at all is
+        seen, every edge is asked, near or far, in the end for every place: without candidates there is nothing left.
+
+        Args:
+            sensor_range: in cells.
+            rng: draws the places.
+
+        Returns:
+            Rows and columns, shape (n, 2); headings with which the robot fits there, not a number for any, shape (n,);
+            which place sees which edge, and which does so from near, shape (n, m).
+        """
+        cells = self._centres(sensor_range, rng)
+        headings, sees = np.full(len(cells), np.nan), self._sees(cells)
+        every = len(self.frontiers.edges)
+        few = self.frontiers.sizes <= FEW
+        near = self.farthest * np.where(few[self.frontiers.group], 1.0, NEAR)
+        stages = [(near, EDGES, SPARSE, 0), (self.farthest, every, SPARSE, 0)]
+        stages += [(self.farthest, every, DENSE, refusals) for refusals in range(MOST_TRIES)]
+        for farthest, edges, spacing, refusals in stages if every else ():
+            search = self._replace(farthest=farthest)
+            seen = sees & search._is_within(cells)
+            more, more_headings = search._seeing(seen, edges, spacing, refusals)
+            cells, headings = np.concatenate([cells, more]), np.concatenate([headings, more_headings])
+            sees = np.concatenate([sees, self._sees(more)])
+            if sees.any():
+                break
+        useful = sees.any(axis=1)
+        cells, sees = cells[useful], sees[useful]
+        return cells, headings[useful], sees, sees & self._replace(farthest=near)._is_within(cells)
+
+    def _centres(self, sensor_range: float, rng: np.random.Generator) -> NDArray[np.intp]:
+        """Return K-means centres of the places where the robot certainly gets to, rows and columns."""
+        reach = self.memory.reach
+        assert reach is not None  # noqa: S101 # of this survey
+        columns = reach.levels.shape[1]
+        reached = np.flatnonzero((reach.levels == CERTAIN) & (self.memory.refused == 0))
+        if not len(reached):
+            return np.empty((0, 2), np.intp)
+        k = min(landmarks_for_area(float(len(reached)), sensor_range), MOST)
+        drawn = rng.choice(reached, min(SAMPLES, len(reached)), replace=False)
+        samples = np.column_stack([drawn % columns, drawn // columns, np.zeros(len(drawn))]).astype(np.float64)
+        return k_means_landmarks(samples, k, radius=0.0, steps=STEPS, random_state=rng)[:, 1::-1].astype(np.intp)
+
+    def _sees(self, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
+        return np.asarray(sight(self.known.state, _middles(cells), self.frontiers.edges, self.farthest))
+
+    def _is_within(self, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return which edges lie within the distance that each is looked at from, places by edges, shape (n, m)."""
+        away = np.hypot(*(_middles(cells)[:, None] - self.frontiers.edges[:, :2]).transpose(2, 0, 1))
+        return np.asarray(away <= self.farthest)
+
+    def _seeing(
+        self, sees: NDArray[np.bool_], edges: int, spacing: float, refusals: int
+    ) -> tuple[NDArray[np.intp], FloatArray]:
+        """Return a place for each group of frontiers that nothing sees yet, if one is found, and headings there.
+
+        Args:
+            sees: what is seen already, shape (n, m).
+            edges: of each group that places are sought for.
+            spacing: of rays, in cells.
+            refusals: as often no way may have been found to a place.
+        """
+        group, (_, columns), draws = self.frontiers.group, self.known.state.shape, DRAWS
+        memory, thorough = self.memory, edges > EDGES
+        assert memory.reach is not None  # noqa: S101 # of this survey
+        left = np.flatnonzero(~np.isin(group, group[sees.any(axis=0)]))
+        if not thorough:
+            left = left[self._among_nearest(left)]
+        left = _some_of_each(left, group, edges)
+        while True:
+            ranks = np.where(memory.refused <= refusals, memory.reach.levels, np.uint8(NOWHERE))
+            found = places_in_sight(
+                self.known.state, ranks, self.frontiers.edges[left], self.farthest[left], draws, spacing
+            )
+            places = np.unique(found[found >= 0])
+            headings = self._headings(places, memory.reach.levels)
+            fits = ~np.isinf(headings)
+            memory.refused.ravel()[places[~fits]] = NO_ROOM
+            if fits.any() or fits.all() or not thorough:
+                break
+            draws = min(DRAWS * draws, MOST_DRAWS)
+        chosen = _middle_places(found, np.isin(found, places[fits]), group[left], columns)
+        return np.column_stack(np.divmod(chosen, columns)), headings[np.searchsorted(places, chosen)]
+
+    def _among_nearest(self, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return which of some edges are of the groups that have the nearest ones."""
+        away = np.hypot(*(self.frontiers.edges[edges, :2] - self.here).T)
+        nearest = np.full(len(self.frontiers.sizes), np.inf)
+        np.minimum.at(nearest, self.frontiers.group[edges], away)
+        return np.asarray(np.isin(self.frontiers.group[edges], np.argsort(nearest, kind="stable")[:GROUPS]))
+
+    def _headings(self, places: NDArray[np.int64], levels: NDArray[np.uint8]) -> FloatArray:
+        """Return a heading with which the robot fits at each place: not a number for any, infinite for none."""
+        headings = np.where(levels.ravel()[places] == CERTAIN, np.nan, np.inf)
+        xy = self.known.centres(*np.divmod(places, levels.shape[1]))
+        for theta in wrap(np.arange(TURNS) * 2.0 * np.pi / TURNS):
+            tight = np.flatnonzero(np.isinf(headings))
+            valid = self.checker.valid(np.column_stack([xy[tight], np.full(len(tight), theta)]))
+            headings[tight[valid]] = theta
+        return headings
+
+
+def _some_of_each(chosen: NDArray[np.intp], group: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Return of the chosen edges at most some of each group."""
+    order = chosen[np.argsort(group[chosen], kind="stable")]
+    sizes = np.bincount(group[order])
+    rank = np.arange(len(order)) - (np.cumsum(sizes) - sizes)[group[order]]
+    every = np.maximum(-(-sizes // most), 1)[group[order]]
+    return np.asarray(order[rank % every == 0])
+
+
+def _middle_places(
+    found: NDArray[np.int64], good: NDArray[np.bool_], group: NDArray[np.intp], columns: int
+) -> NDArray[np.int64]:
+    """Return for each group the good place that is nearest to the K-means centre of its good places, shape (n,).
+
+    Args:
+        found: row * columns + column of places, shape (edges, draws).
+        good: which of them count, shape (edges, draws).
+        group: of each edge.
+        columns: of the grid.
+    """
+    chosen = list[int]()
+    for g in np.unique(group):
+        places = found[group == g][good[group == g]]
+        if len(places):
+            cells = np.column_stack(np.divmod(places, columns))
+            chosen.append(int(places[np.square(cells - cells.mean(axis=0)).sum(axis=1).argmin()]))
+    return np.unique(np.array(chosen, dtype=np.int64))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.explorer import Explorer
+from trailmark.exploration.result import ExplorationSettings
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
