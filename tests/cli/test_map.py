@@ -66,6 +66,10 @@ def test_a_simulated_log_becomes_a_world_to_plan_in(shell: Shell, log: Path, tmp
     assert all(estimate is not None for estimate in world.estimates)
     grown = regrow(world, 0.99)
     assert all(b.area > a.area for a, b in zip(world.obstacles, grown.obstacles, strict=True))
+    # With an error of the heading, what is grown for one robot is not enough for one that reaches farther.
+    regrow(world, 0.9, pose_covariance=np.diag([1e-4, 1e-4, 1e-4])).save(tmp_path / "grown.yaml")
+    longer = shell("plan", tmp_path / "grown.yaml", "--robot", "rectangle:1x0.2", "--time-limit", "0.3")
+    assert "grown anew for this one (rectangle 1 x 0.2 m), with confidence 0.9" in longer.err
     planned = shell("plan", file, "--time-limit", "0.3", "--json")
     assert planned.status == 0, planned.err
     assert json.loads(planned.out)["query"] == "driven"
