@@ -17,6 +17,7 @@ from trailmark.errors import ConfigurationError
 from trailmark.estimation.association import AssociationMethod
 from trailmark.estimation.covariance import chi_square_quantile
 from trailmark.estimation.ekf_slam import EkfSlam, MapFeature
+from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.map_settings import MapSettings
 from trailmark.estimation.mapping import map_log
 from trailmark.estimation.models import SensorModel
@@ -271,7 +272,13 @@ class DetectionMapper:
 
     def finished_map(self, log: Log) -> World:
         """Return the world that ``trailmark map`` makes of the log, its discs as large as they are known to be."""
-        mapped = map_log(log, replace(self._model, radius=self._largest), robot=self._robot)
+        model = replace(self._model, radius=self._largest)
+        try:
+            mapped = map_log(log, model, robot=self._robot)
+        except (
+            EstimationError
+        ):  # no batch fits, which readings without an error may bring about: the filter's map it is
+            mapped = map_log(log, replace(model, smooth=False), robot=self._robot)
         if not self._radii or mapped.slam is None:
             return mapped.world
         radii = [self._radii.get(-1 if f.identity is None else f.identity, self._largest) for f in mapped.slam.features]
