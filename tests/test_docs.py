@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from tests.helpers.processes import run_in_turn
 from tests.support.brief import briefly
-from tests.support.forks import Forks
 
 from trailmark import World
 
@@ -24,7 +24,7 @@ BUILT = {"api", "gallery"}
 PAGES = [ROOT / "README.md", *(page for page in sorted(DOCS.rglob("*.md")) if page.parts[len(DOCS.parts)] not in BUILT)]
 SETUP = "python3 -m venv"
 LIMIT = 400.0
-"""Seconds for one snippet, on a machine that does other work as well."""
+"""Seconds for one page, on a machine that does other work as well."""
 
 PLANNING, EXPLORING, RUN = 0.1, 0.3, 0.2
 """Seconds that a page's programs may plan and explore and a benchmark's run may last; on the page they are more."""
@@ -99,17 +99,12 @@ def programs(page: Path) -> list[list[str]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if programs(page)], ids=name_of)
-def test_what_a_page_shows_runs(page: Path, tmp_path: Path, forks: Forks) -> None:
+def test_what_a_page_shows_runs(page: Path, tmp_path: Path) -> None:
     (tmp_path / "worlds").symlink_to(ROOT / "worlds")
-    for whole in programs(page):
-        for words in (shortly(whole), shortly(whole, LONGER), whole):
-            done = forks.run(words, cwd=tmp_path, timeout=LIMIT, whole="ompl" in words[1])
-            if done.returncode == 0:
-                break
-        assert done.returncode == 0, f"{words}: {done.stderr}"
-        if words[0] != "-c":
-            assert done.stdout.strip(), words
-        assert all((tmp_path / file).stat().st_size > 0 for file in written(words))
+    versions = [[shortly(whole), shortly(whole, LONGER), whole] for whole in programs(page)]
+    for words, printed in run_in_turn(versions, timeout=LIMIT, cwd=tmp_path):
+        assert printed.strip() or words[0] == "-c", words
+        assert all((tmp_path / file).stat().st_size > 0 for file in written(list(words)))
 
 
 def test_every_kind_of_page_has_something_to_run() -> None:

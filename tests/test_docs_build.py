@@ -12,8 +12,8 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from docs.api_pages import public_names
+from tests.helpers.processes import run_python
 from tests.support.brief import briefly
-from tests.support.forks import Forks
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -55,16 +55,16 @@ PLANNING = 0.1
 """Seconds that a drawing may plan."""
 
 
-def build(folder: Path, forks: Forks, *options: str) -> Path:
+def build(folder: Path, *options: str) -> Path:
     """Return where the pages of ``docs`` in a folder are, built without a warning."""
     words = ["-m", "sphinx", "-W", "--keep-going", "-q", *options, "docs", "pages"]
-    done = forks.run(words, cwd=folder, timeout=900.0)
+    done = run_python(words, cwd=folder, timeout=900.0)
     assert done.returncode == 0, done.stderr
     return folder / "pages"
 
 
 @pytest.mark.slow
-def test_the_theme_loads_nothing_from_elsewhere(tmp_path: Path, forks: Forks) -> None:
+def test_the_theme_loads_nothing_from_elsewhere(tmp_path: Path) -> None:
     pytest.importorskip("sphinx_gallery", reason="the extra docs is not installed")
     settings = re.findall(r"^html_\w+ = .*$", (DOCS / "conf.py").read_text(), flags=re.M)
     assert 'html_theme = "furo"' in settings
@@ -72,14 +72,14 @@ def test_the_theme_loads_nothing_from_elsewhere(tmp_path: Path, forks: Forks) ->
     (tmp_path / "docs" / "conf.py").write_text("\n".join(['extensions = ["myst_parser"]', *settings]))
     (tmp_path / "docs" / "index.md").write_text("# Title\n\n```{toctree}\nother\n```\n")
     (tmp_path / "docs" / "other.md").write_text("# Other\n\nA [link](index.md).\n")
-    built = build(tmp_path, forks)
+    built = build(tmp_path)
     pages = {file: Page(file) for file in built.rglob("*.html")}
     assert any("furo" in link for link in pages[built / "index.html"].loads)
     assert not [fault for file, page in pages.items() for fault in faults_of(file, page, pages)]
 
 
 @pytest.mark.slow
-def test_the_pages_are_whole(tmp_path: Path, forks: Forks) -> None:
+def test_the_pages_are_whole(tmp_path: Path) -> None:
     """They are made of a copy, since Sphinx writes beside its sources.
 
     tests/test_examples.py runs the examples, and tests/test_docs.py what the figures of the pages show.
@@ -98,7 +98,7 @@ def test_the_pages_are_whole(tmp_path: Path, forks: Forks) -> None:
             file.write_text(re.sub(r"^```\{plot\}\n.*?^```$", f"```{{plot}}\n{PLOT}```", text, flags=re.S | re.M))
     for file in (tmp_path / "docs" / "drawings").glob("*.py"):
         file.write_text(briefly(file.read_text(), PLANNING))
-    built = build(tmp_path, forks, "-D", "plot_gallery=0")
+    built = build(tmp_path, "-D", "plot_gallery=0")
 
     pages = {file: Page(file) for file in built.rglob("*.html")}
     assert len(pages) >= 40

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
+from tests.helpers.processes import run_python
 from tests.support.brief import briefly
-from tests.support.forks import Forks, complaints
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -41,7 +41,7 @@ def checkout(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def run(forks: Forks, checkout: Path) -> Run:
+def run(checkout: Path) -> Run:
     """Return a function that runs an example with some arguments and returns what it prints."""
 
     def started(name: str, *words: str) -> str:
@@ -52,7 +52,7 @@ def run(forks: Forks, checkout: Path) -> Run:
             text = text.replace(said, instead)
         shorter.write_text(text)
         for file in (shorter, whole):  # on a busy machine a shorter time may not do
-            done = forks.run([str(file), *words], cwd=checkout, timeout=180.0, whole="ompl" in name)
+            done = run_python([str(file), *words], cwd=checkout, timeout=180.0)
             if done.returncode == 0:
                 break
         assert done.returncode == 0, done.stderr
@@ -166,11 +166,11 @@ def test_a_node_of_ros_2_without_nav2(checkout: Path) -> None:
 
 
 @pytest.mark.slow
-def test_without_ros_2_its_example_says_so_in_one_line(forks: Forks, checkout: Path) -> None:
+def test_without_ros_2_its_example_says_so_in_one_line(checkout: Path) -> None:
     hidden = "import runpy, sys; sys.modules['rclpy'] = None; runpy.run_path(sys.argv[1], run_name='__main__')"
-    done = forks.run(["-c", hidden, str(ROOT / "examples" / "ros2_planner.py")], cwd=checkout, timeout=60.0)
+    done = run_python(["-c", hidden, str(ROOT / "examples" / "ros2_planner.py")], cwd=checkout, timeout=60.0)
     assert done.returncode == 1
-    assert re.fullmatch(r"this example needs ROS 2 \(.*rclpy.*\): .*trailmark\[ros2\]'\n", complaints(done))
+    assert re.fullmatch(r"this example needs ROS 2 \(.*rclpy.*\): .*trailmark\[ros2\]'\n", done.stderr)
 
 
 def test_all_examples_are_run() -> None:

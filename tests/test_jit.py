@@ -22,7 +22,7 @@ import numba
 import numpy as np
 import pytest
 from numba.core import event
-from tests.support.forks import Forks
+from tests.helpers.processes import run_python
 from tests.support.trials import few
 
 from trailmark import jit
@@ -257,10 +257,10 @@ def outer(x):
 
 
 @pytest.mark.slow
-def test_code_is_kept_and_found_again_and_kernels_run_as_python_too(tmp_path: Path, forks: Forks) -> None:
+def test_code_is_kept_and_found_again_and_kernels_run_as_python_too(tmp_path: Path) -> None:
     (tmp_path / "probe.py").write_text(PROBE)
     program = KEPT.replace("FOLDER", repr(os.fspath(tmp_path)))
-    assert [forks.run(["-c", program], timeout=120.0).stdout.strip() for _ in range(2)] == ["2 0", "2 1"]
+    assert [run_python(["-c", program], timeout=120.0).stdout.strip() for _ in range(2)] == ["2 0", "2 1"]
     plain = program.replace("sum(outer.stats.cache_hits.values())", "''")
     words = [sys.executable, "-c", plain]
     known = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.fspath(PACKAGE.parent)}
@@ -482,8 +482,8 @@ for kernel in (number, array, several):
 
 
 @pytest.mark.slow
-def test_ctrl_c_while_a_kernel_runs_is_raised_when_it_returns(forks: Forks) -> None:
-    run = forks.run(["-c", ATTACK.replace("ROUNDS", str(few(3)))], timeout=120.0)
+def test_ctrl_c_while_a_kernel_runs_is_raised_when_it_returns() -> None:
+    run = run_python(["-c", ATTACK.replace("ROUNDS", str(few(3)))], timeout=120.0)
     said = [f"{kernel} sound" for kernel in ("number", "array", "several")]
     assert (run.returncode, run.stdout.splitlines()) == (0, said), run.stderr[-500:]
 
@@ -531,14 +531,14 @@ print([sum(kernel.stats.cache_hits.values()) for kernel in kernels])
 
 @pytest.mark.slow
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor: one process")
-def test_a_second_process_compiles_from_the_end(tmp_path: Path, forks: Forks) -> None:
+def test_a_second_process_compiles_from_the_end(tmp_path: Path) -> None:
     (tmp_path / "jobs.py").write_text(JOBS)
     done = tmp_path / "done"
     done.mkdir()
 
     def run(files: int, broken: str = "") -> tuple[str, int]:
         program = SIDE_BY_SIDE.replace("FOLDER", repr(os.fspath(tmp_path))).replace("DONE", repr(os.fspath(done)))
-        result = forks.run(["-c", program.replace("FILES", str(files)).replace("BROKEN", broken)], timeout=120.0)
+        result = run_python(["-c", program.replace("FILES", str(files)).replace("BROKEN", broken)], timeout=120.0)
         assert result.returncode == 0, result.stderr
         by = {file.name.split(" by ")[1] for file in done.iterdir()}
         for file in done.iterdir():
