@@ -102,7 +102,8 @@ class Penetration:
             region = shapely.intersection(self._region, window)
             if isinstance(self._body, Disc):
                 return np.array([shapely.transform(region, lambda rows: rows - low)]), everything
-            parts = [part for part in shapely.get_parts(region) if part.geom_type == "Polygon"]
+            # Where only a corner or an edge meets the window, nothing is left of it, or what has no area.
+            parts = [part for part in shapely.get_parts(region) if part.area > 0.0]
             near = _padded([ring for part in parts for ring in _convex_pieces(part)])
         else:
             pieces, boxes = self._pieces

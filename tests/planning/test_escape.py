@@ -103,8 +103,6 @@ def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reve
                 continue
             assert checker.valid(out[-1])
             driven = path_of(motion, out)
-            # One motion, straight or in place.
-            assert len(driven.states) == 2
             depths = depth_of(world, robot, driven.resample(0.02).states)
             assert depths.max() <= depths[0] + 1e-4
             met += 1

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
+from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.planning.escape import plan_out_of_zones, way_out
+from trailmark.planning.escape import plan_out_of_zones, way_out, without_paths
 from trailmark.planning.goals import plan_to_goals
 from trailmark.planning.incumbent import Budget, Incumbent, OnProgress, vertices_of
 from trailmark.planning.model import WorldModel, WorldModels, zones_at
@@ -20,11 +21,14 @@ from trailmark.planning.reasons import explained
 from trailmark.planning.replanning import MIN_SECONDS, Replanner, ReplanOptions, as_replan
 from trailmark.planning.result import PlanResult, ReplanResult, Status
 from trailmark.planning.space_time import MovingObstacles, SpaceTimeReplanner
+from trailmark.planning.through import Stops, plan_through
 from trailmark.se2 import FloatArray
 from trailmark.trajectories import Path, path_of
 from trailmark.world.goals import Ends, ReachedGoal, goals_of
 
 __all__ = ["plan_any", "plan_explained", "replan"]
+
+R = TypeVar("R", bound=PlanResult)
 
 TOLERANCE = 1e-3
 """Metres: clearances that differ by less are not told apart."""
@@ -32,19 +36,26 @@ TOLERANCE = 1e-3
 SPARE = 2e-6
 """Metres less than an end has, since a motion that comes no nearer than that to being too near is certified."""
 
+WAY_SHARE = 0.3
+"""Of the time limit, for the way out of an obstacle."""
+
 PROBE_SHARE = 0.25
 """Of the time left, for finding a path that keeps one clearance; of all, what is left for the best one's path."""
 
 
 def plan_any(
-    model: WorldModel, start: ArrayLike, goal: Ends, budget: Budget, *, on_progress: OnProgress | None = None
+    model: WorldModel, start: ArrayLike, goal: Ends | Stops, budget: Budget, *, on_progress: OnProgress | None = None
 ) -> PlanResult:
     """Return the answer to one query; whoever calls holds the lock of the model's roadmap.
 
     Raises:
         ConfigurationError: start or goal is not valid; a start in keep-out zones is, if it is without them.
     """
-    se2.configurations(start, name="start", by_hand=True)
+    state = se2.configurations(start, name="start", by_hand=True)
+    if isinstance(goal, Stops):
+        if not zones_at(model.checker, state):
+            model.checker.require_valid(state, "start")
+        return plan_through(model, state, goal, budget, plan_any, on_progress)
     goals = goals_of(goal)
     plan: Any = plan_single if goals is None else plan_to_goals
     zones = zones_at(model.checker, start)
@@ -69,10 +80,11 @@ def plan_any(
 def plan_explained(
     model: WorldModel,
     start: ArrayLike,
-    goal: Ends,
+    goal: Ends | Stops,
     budget: Budget,
     *,
     relax: bool = False,
+    escape: bool = False,
     on_progress: OnProgress | None = None,
 ) -> PlanResult:
     """Return the answer to one query, and why there is no path; those that let the roadmap grow take turns.
@@ -81,14 +93,80 @@ def plan_explained(
         ConfigurationError: start or goal is not valid.
     """
     with model.shared.lock:
-        if relax and model.checker.robot.clearance > 0.0:
+        relax = relax and model.checker.robot.clearance > 0.0
+        state = se2.configurations(start, name="start", by_hand=True)
+        checker = model.keeping(0.0).checker if relax else model.checker
+        if state.ndim == 1 and not checker.valid(state) and not zones_at(checker, state):
+            how = {"relax": relax, "on_progress": None if on_progress is None else without_paths(on_progress)}
+            return _plan_out_of_obstacle(model, checker, state, goal, budget, escape, **how)
+        if relax:
             return _plan_relaxed(model, start, goal, budget, on_progress)
-        result = plan_any(model, start, goal, budget, on_progress=on_progress)
+        return _explained(model, start, goal, plan_any(model, start, goal, budget, on_progress=on_progress), budget)
+
+
+def _explained(
+    model: WorldModel, start: ArrayLike, goal: Ends | Stops, result: PlanResult, budget: Budget
+) -> PlanResult:
+    """Return a result with why there is no path; of one through several places, why there is none for its last leg."""
+    if not isinstance(goal, Stops):
         return explained(model, start, goal, result, budget)
+    if result.path is not None or not result.legs:
+        return result
+    leg = result.legs[-1]
+    why = explained(model, np.array(leg.start), leg.target, leg, budget)
+    return replace(result, reason=f"{result.reason}: {why.reason}", nearest=why.nearest)
+
+
+def _plan_out_of_obstacle(
+    model: WorldModel,
+    checker: StateChecker,
+    start: FloatArray,
+    goal: Ends | Stops,
+    budget: Budget,
+    escape: bool,
+    **how: Any,
+) -> PlanResult:
+    """Return a path that begins with the way out of what the robot stands in, if it may ``escape``.
+
+    Raises:
+        ConfigurationError: it may not; the message says how deep it is in there, and how far the way out is.
+    """
+    out = way_out(checker, start, WAY_SHARE * budget.limit)
+    problem = f"the robot ({checker.robot.describe()}) {checker.fault(start)}"
+    if not escape:
+        far = "no way out was found" if out is None else f"the way out is {Path(out).length:.3g} m long"
+        at = ", ".join(f"{value:g}" for value in start)
+        raise ConfigurationError(f"start ({at}) is not valid: {problem}; {far} (escape: begin with it)")
+    if out is None:
+        ends = np.array([start, start])
+        return _nothing(model, ends, "timeout", f"{problem}, and no motion leads out along which it gets no deeper")
+    rest = plan_explained(model, out[-1], goal, budget.part(budget.seconds_left()), **how)
+    if rest.path is None:
+        return replace(rest, reason=f"{problem}; from where it is free: {rest.reason}", nearest=Path(out))
+    time = {**rest.time, "total": perf_counter() - budget.begin}
+    return replace(_led_out(model, out, rest, rest.path), time=time)
+
+
+def _led_out(model: WorldModel, out: FloatArray, rest: R, path: Path) -> R:
+    """Return the answer to a query from where the robot is free, with the way out (n, 3) before its path."""
+    motion = model.motion
+    states = np.vstack([out, vertices_of(motion, path)[1:]])
+    whole = path_of(motion, motion.whole_states(states, out[0], path.states[-1]))
+    first = path_of(motion, out)
+    cost = motion.whole_cost(motion.cost_of(out), out[0], out[-1])
+    return replace(
+        rest,
+        path=model.verification.followed_by_lines(whole, leaves=True),
+        lower_bound=None,
+        charged=None if rest.charged is None else rest.charged + cost,
+        min_clearance=0.0,
+        start=tuple(out[0].tolist()),
+        escape=len(first) - 1,
+    )
 
 
 def _plan_relaxed(
-    model: WorldModel, start: ArrayLike, goal: Ends, budget: Budget, on_progress: OnProgress | None
+    model: WorldModel, start: ArrayLike, goal: Ends | Stops, budget: Budget, on_progress: OnProgress | None
 ) -> PlanResult:
     """Return a path that keeps what the model's robot is to keep, or as much of it as a bisection finds a path for.
 
@@ -100,7 +178,10 @@ def _plan_relaxed(
     if zones_at(bare.checker, start):
         return plan_any(bare, start, goal, budget, on_progress=on_progress)
     ends = [bare.checker.require_valid(start, "start")]
-    if goals_of(goal) is None:
+    if isinstance(goal, Stops):
+        fixed = [(goal.configuration(i), goal.name(i)) for i in range(len(goal.places))]
+        ends += [bare.checker.require_valid(q, name) for q, name in fixed if q is not None]
+    elif goals_of(goal) is None:
         ends.append(bare.checker.require_valid(goal, "goal"))  # type: ignore[arg-type]  # no goals: a configuration
     # No path keeps more than its ends have.
     bound = min(wanted, *bare.checker.clearance(np.array(ends), cap=wanted).tolist())
@@ -130,7 +211,7 @@ def _plan_relaxed(
     # The first path is known to its roadmap.
     last = best or bare
     result = plan_any(last, start, goal, budget.part(budget.seconds_left()), on_progress=on_progress)
-    result = explained(last, start, goal, result, budget)
+    result = _explained(last, start, goal, result, budget)
     time = {**result.time, "total": perf_counter() - budget.begin, "first_solution": first_time}
     return replace(result, clearance_bound=bound, time=time)
 
@@ -215,24 +296,13 @@ def _replan_in(model: WorldModel, ends: FloatArray, path: Path, options: ReplanO
     problem = f"the {name} {model.checker.fault(end)}"
     if not free[1] or not options.escape:
         return _nothing(model, ends, "infeasible", problem)
-    out = way_out(model.checker, start)
+    out = way_out(model.checker, start, WAY_SHARE * options.seconds_left())
     if out is None:
         return _nothing(model, ends, "timeout", f"{problem}, and no way out was found")
     rest = Replanner(model, out[-1], goal, options).answer(path)
     if rest.path is None:
         return replace(rest, reason=f"{problem}; from where it is free: {rest.reason}", nearest=Path(out))
-    motion = model.motion
-    states = np.vstack([out, vertices_of(motion, rest.path)[1:]])
-    whole = path_of(motion, motion.whole_states(states, start, goal))
-    return replace(
-        rest,
-        path=model.verification.followed_by_lines(whole, leaves=True),
-        kept=False,
-        lower_bound=None,
-        min_clearance=0.0,
-        escape=len(path_of(motion, out)) - 1,
-        reason=f"{problem}: the path leads out first",
-    )
+    return replace(_led_out(model, out, rest, rest.path), kept=False, reason=f"{problem}: the path leads out first")
 
 
 def _configuration(q: ArrayLike, name: str) -> FloatArray:

@@ -1,24 +1,23 @@
 """Escape: the shortest way out of what the robot stands in, along which it is never deeper in it.
 
 Out of keep-out zones it is never deeper in any of them, so that each is closed once it is left, and clear of all else;
-out of obstacles it is never deeper in all that blocks taken together. The penetration depth is the length of the
+out of obstacles, it is never deeper in any that hang together. The penetration depth is the length of the
 shortest translation to a place where the robot is free (Dobkin, Hershberger, Kirkpatrick & Suri, "Computing the
 intersection-depth of polyhedra", Algorithmica 9, 1993). Along that very translation it falls by a metre for each metre:
 no place along it has a nearer way out, by the triangle inequality. A car or a differential drive does not move
-sideways: of the arcs, or straight drives and turns in place, that lead out and along which the depth never rises, it
-takes the shortest.
-
-Where no such motion leads out of keep-out zones, several in a row are sought, the shortest first (A*). What leads out
-of zones is not sampled: an audit (:mod:`trailmark.verify`) certifies that none is entered deeper, or again, and the
+sideways: arcs, or straight drives and turns in place, along which the depth never rises, are sought one after the
+other until they lead out, the shortest first (A*). So are motions out of several keep-out zones. What leads out of
+zones is not sampled: an audit (:mod:`trailmark.verify`) certifies that none is entered deeper, or again, and the
 motions are certified against all else. From where the robot is out, the query is planned as any other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 from math import pi
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -34,7 +33,7 @@ from trailmark.planning.incumbent import Budget, Incumbent, OnProgress, vertices
 from trailmark.planning.model import WorldModel
 from trailmark.planning.result import PlanProgress, PlanResult
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Polygon
+from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.trajectories import path_of
 from trailmark.verify import PathAuditor
 from trailmark.verify.auditor import RISE
@@ -53,8 +52,9 @@ obstacle is long at most."""
 TURN_STEPS, LONGEST_TURN = 60, 3.1
 """Steps of a turn in place, and radians: less than half a turn, which would have no direction."""
 
-DEEPER = 1e-6
-"""Metres by which rounding may let the depth rise along a drive."""
+DEEPER, SECONDS, CHORDS = 1e-6, 0.5, 32
+"""Metres by which rounding may let the depth rise along a drive; seconds that motions out of obstacles are looked for
+at least; and the chords of a quarter of a disc there."""
 
 FINE, GROWTH, COARSE, PLACES = 0.02, 1.1, 0.25, 400
 """Circumradii of the first step along a straight motion, how much longer each next one is, the longest out of zones,
@@ -78,13 +78,21 @@ Blocks = tuple[FloatArray, list[Penetration]]
 """Boxes around all that blocks, but for the bounds, shape (n, 4), and how deep the robot is in each."""
 
 
-def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
-    """Return the states, shape (n, 3), from an invalid configuration to a valid one; None if none was found."""
+def way_out(checker: StateChecker, q: FloatArray, seconds: float = 0.0) -> FloatArray | None:
+    """Return the states, shape (n, 3), from an invalid configuration to a valid one; None if none was found.
+
+    Args:
+        checker: of the world and the robot.
+        q: configuration, shape (3,).
+        seconds: to look for motions of who does not move sideways, if that is more than SECONDS.
+    """
     if _moves_sideways(checker):
         return _shift_out(checker, q, checker)
-    rows = _drive_out(checker, q)
-    # All of a drive lies on the line from its end to its beginning, all of a turn in between.
-    return rows if rows is None or checker.robot.turning_radius is not None else rows[[0, -1]]
+    robot, end = checker.robot, perf_counter() + max(seconds, SECONDS)
+    longest = max(LONGEST_DRIVE * robot.circumradius, LONGEST_ARC * (robot.turning_radius or 0.0))
+    depths = [Penetration(robot.footprint, part, robot.clearance) for part in _blocked_near(checker, q, 2.0 * longest)]
+    search = _Search(checker, depths, longest, lambda: end - perf_counter())
+    return next(search.ways(q), None)
 
 
 def ways_out_of_zones(
@@ -107,57 +115,98 @@ def ways_out_of_zones(
     high = np.minimum(np.maximum(boxes[:, 2:].max(axis=0), q[:2]) + reach, world.bounds[2:])
     zones = checker.edited(World("", (*low.tolist(), *high.tolist()), zones=tuple(KeepOutZone(r) for r in regions)))
     auditor = PathAuditor(zones, rise=RISE)
-    # What keeps a clearance is in a zone as soon as it is too near.
-    depths = [Penetration(robot.footprint, region, robot.clearance) for region in regions]
-    longest = float(np.hypot(*(high - low)))
-
-    def depth(states: FloatArray) -> FloatArray:
-        return np.array([each.at(states) for each in depths])
 
     def certified(rows: FloatArray) -> bool:
         path = path_of(motion, rows)
         return bool(others.motions_valid(rows[:-1], rows[1:]).all()) and auditor.audit(path).free
 
-    # As far as the depth is, it is to go at least: what is not out yet waits for what is.
-    heap = [(float(depth(q[None]).max()), 0, 0.0, q[None], False)]
-    if _moves_sideways(checker) and (straight := _shift_out(zones, q, checker)) is not None:
-        length = float(np.hypot(*(straight[1] - q)[:2]))
-        # Nothing is shorter.
-        heap = [(length, -1, length, straight, True), (length, 0, 0.0, q[None], False)]
-    seen, count, expanded = set[tuple[int, ...]](), 1, 0
-    while heap and seconds_left() > 0.0:
-        _, _, cost, rows, out = heappop(heap)
-        here = rows[-1]
-        key = tuple(np.round(here / (SAME * np.array([robot.circumradius, robot.circumradius, 1.0]))).astype(int))
-        if key in seen or (out and not certified(rows)) or (not out and expanded == EXPANDED):
-            continue
-        seen.add(key)
-        if out:
-            yield rows
-            continue
-        expanded += 1
-        at = depth(here[None])
-        for states, costs in _motions(checker, here, longest, regions):
-            last = _first(~others.checker.states_free(states))
-            found = at
-            # A few at first: most motions lead deeper soon.
-            while (looked := found.shape[1] - 1) < last:
-                found = np.hstack([found, depth(states[looked : min(last, 2 * looked + FEW)])])
-                rises = (found[:, 1:] > np.minimum.accumulate(found, axis=1)[:, :-1] + DEEPER).any(axis=0)
-                last = min(last, _first(rises) if rises.any() else last)
-            if last == 0:
+    # What keeps a clearance is in a zone as soon as it is too near.
+    depths = [Penetration(robot.footprint, region, robot.clearance) for region in regions]
+    search = _Search(checker, depths, float(np.hypot(*(high - low))), seconds_left, regions, others.checker, certified)
+    straight = _shift_out(zones, q, checker) if _moves_sideways(checker) else None
+    return search.ways(q, straight)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """A best-first search for motions, one after the other, that lead out and are never deeper in any region.
+
+    Attributes:
+        checker: tells where the robot is out.
+        depths: how deep it is in each region.
+        longest: that a straight motion is, metres.
+        seconds_left: to look for ways out.
+        regions: along and across whose edges who moves sideways may go.
+        others: tells where else the robot must not be; None: nowhere.
+        certified: whether motions over states (n, 3) may be taken.
+    """
+
+    checker: StateChecker
+    depths: list[Penetration]
+    longest: float
+    seconds_left: Callable[[], float]
+    regions: list[Polygon] | None = None
+    others: StateChecker | None = None
+    certified: Callable[[FloatArray], bool] = lambda rows: True
+
+    def depth(self, states: FloatArray) -> FloatArray:
+        """Return the depth in each region, metres, at configurations (n, 3), shape (m, n)."""
+        return np.array([each.at(states) for each in self.depths])
+
+    def ways(self, q: FloatArray, straight: FloatArray | None = None) -> Iterator[FloatArray]:
+        """Yield ways out of a configuration, the shortest first; ``straight`` is one that nothing is shorter than."""
+        robot = self.checker.robot
+        # As far as the depth is, it is to go at least: what is not out yet waits for what is.
+        heap = [(float(self.depth(q[None]).max(initial=0.0)), 0, 0.0, q[None], False)]
+        if straight is not None:
+            length = float(np.hypot(*(straight[1] - q)[:2]))
+            heap = [(length, -1, length, straight, True), (length, 0, 0.0, q[None], False)]
+        seen, count, expanded = set[tuple[int, ...]](), 1, 0
+        while heap and self.seconds_left() > 0.0:
+            _, _, cost, rows, out = heappop(heap)
+            here = rows[-1]
+            key = tuple(np.round(here / (SAME * np.array([robot.circumradius, robot.circumradius, 1.0]))).astype(int))
+            if key in seen or (out and not self.certified(rows)) or (not out and expanded == EXPANDED):
                 continue
-            free = checker.states_free(states[:last])
-            stops = {_first(free)} if free.any() else {last - 1, last // 2, last // 4}
-            if len(depths) > 1:
-                # A place just out of one of several zones is one to turn off at.
-                stops |= {_first(row == 0.0) for row in found[:, 1:]}
-            for k in (k for k in stops if k < last):
-                count += 1
-                arc = robot.turning_radius is not None and states[k, 2] != here[2]
-                way = states[: k + 1] if arc else states[k : k + 1]
-                there, to_go = cost + float(costs[k]), EAGER * float(found[:, k + 1].max())
-                heappush(heap, (there + to_go, count, there, np.vstack([rows, way]), bool(free[k])))
+            seen.add(key)
+            if out:
+                yield rows
+                continue
+            expanded += 1
+            for states, costs in _motions(self.checker, here, self.longest, self.regions):
+                for k, depth, free in self._stops(here, states):
+                    count += 1
+                    arc = robot.turning_radius is not None and states[k, 2] != here[2]
+                    way = states[: k + 1] if arc else states[k : k + 1]
+                    there = cost + float(costs[k])
+                    heappush(heap, (there + EAGER * depth, count, there, np.vstack([rows, way]), free))
+
+    def _stops(self, here: FloatArray, states: FloatArray) -> Iterator[tuple[int, float, bool]]:
+        """Yield indices of states (n, 3) along a motion at which another may begin, the depth there, and if it is out.
+
+        Nowhere before is the robot deeper in any region than earlier.
+        """
+        last = len(states) if self.others is None else _first(~self.others.states_free(states))
+        found = self.depth(here[None])
+        # A few at first: most motions lead deeper soon.
+        while (looked := found.shape[1] - 1) < last:
+            found = np.hstack([found, self.depth(states[looked : min(last, 2 * looked + FEW)])])
+            rises = (found[:, 1:] > np.minimum.accumulate(found, axis=1)[:, :-1] + DEEPER).any(axis=0)
+            last = min(last, _first(rises) if rises.any() else last)
+            # Once it is out, the rest of the motion is no matter.
+            if not found[:, -1].any() and self.checker.valid(states[found.shape[1] - 2]):
+                break
+        last = min(last, found.shape[1] - 1)
+        if last == 0:
+            return
+        free = self.checker.states_free(states[:last])
+        stops = {_first(free)} if free.any() else {last - 1, last // 2, last // 4}
+        if len(self.depths) > 1:
+            # A place just out of one of several regions is one to turn off at.
+            stops |= {_first(row == 0.0) for row in found[:, 1 : last + 1]}
+        for k in stops:
+            if k < last:
+                yield k, float(found[:, k + 1].max()), bool(free[k])
 
 
 def _first(flags: ArrayLike) -> int:
@@ -207,19 +256,27 @@ def _wrapped(states: FloatArray) -> FloatArray:
     return states
 
 
-def _drive_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
-    """Return the drive with the fewest steps out along which the depth never rises, shape (n, 3); None without one."""
-    longest = max(LONGEST_DRIVE * checker.robot.circumradius, LONGEST_ARC * (checker.robot.turning_radius or 0.0))
-    motions = [states for states, _ in _motions(checker, q, longest)]
-    first = [_first(checker.valid(states)) for states in motions]
-    blocks = _blocks(checker)
-    for k in np.argsort(first, kind="stable"):
-        if first[k] < len(motions[k]):
-            rows = np.vstack([q, motions[k][: first[k] + 1]])
-            depths = np.array([_depth(checker, blocks, state) for state in rows])
-            if (np.diff(depths) <= DEEPER).all():
-                return rows
-    return None
+def _blocked_near(checker: StateChecker, q: FloatArray, reach: float) -> list[Polygon]:
+    """Return all that blocks the robot within ``reach`` metres, what hangs together in one polygon."""
+    world, room = checker.world, reach + checker.robot.circumradius + checker.robot.clearance
+    window = shapely.box(*(q[:2] - room), *(q[:2] + room))
+    outside = shapely.difference(window, shapely.box(*world.bounds))
+    beyond = [] if world.boundary is None else [outside_of(world.boundary, world.extent).shapely()]
+    near = [shape for shape in world.obstacles if shapely.intersects(window, shapely.box(*shape.bounding_box()))]
+    all_ = shapely.union_all([outside, *beyond, *(_polygon(shape) for shape in near)])
+    parts = shapely.get_parts(shapely.intersection(all_, window))
+    rings = [(part.exterior, part.interiors) for part in parts if part.geom_type == "Polygon"]
+    corners = [
+        (shapely.get_coordinates(out)[:-1], [shapely.get_coordinates(r)[:-1] for r in ins]) for out, ins in rings
+    ]
+    return [Polygon(out, tuple(ins)) for out, ins in corners]
+
+
+def _polygon(shape: Shape) -> shapely.Polygon:
+    """Return a shape; a disc's chords lie around it."""
+    if not isinstance(shape, Disc):
+        return shape.polygon().shapely()
+    return shapely.buffer(shapely.Point(shape.center), shape.radius / np.cos(0.25 * pi / CHORDS), quad_segs=CHORDS)
 
 
 def _shift_out(checker: StateChecker, q: FloatArray, all_: StateChecker) -> FloatArray | None:
@@ -275,13 +332,6 @@ def _blocks(checker: StateChecker) -> Blocks:
     return boxes, [Penetration(robot.footprint, shape, robot.clearance) for shape in shapes]
 
 
-def _depth(checker: StateChecker, blocks: Blocks, q: FloatArray) -> float:
-    """Return the penetration depth at a configuration, metres; infinite if no way out is near."""
-    reach = 4.0 * checker.robot.circumradius
-    shift = _shortest(_free_shifts(checker, blocks, q, reach), reach)
-    return np.inf if shift is None else float(np.hypot(*shift))
-
-
 def plan_out_of_zones(
     model: WorldModel,
     zones: tuple[str, ...],
@@ -312,7 +362,7 @@ def plan_out_of_zones(
     """
     without = model.without(zones)
     state = without.checker.require_valid(start, "start")
-    watched = None if on_progress is None else _without_paths(on_progress)
+    watched = None if on_progress is None else without_paths(on_progress)
 
     def resume(q: FloatArray, share: float, gap: float | None = None) -> PlanResult:
         part = budget.part(share * budget.seconds_left(), gap)
@@ -363,7 +413,7 @@ def plan_out_of_zones(
     return answer, len(path_of(model.motion, out)) - 1
 
 
-def _without_paths(on_progress: OnProgress) -> OnProgress:
+def without_paths(on_progress: OnProgress) -> OnProgress:
     """Return a callback that hands on how far planning is, but no path."""
 
     def hand_on(progress: PlanProgress) -> None:

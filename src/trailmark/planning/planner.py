@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Sized
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,9 @@ from trailmark.planning.incumbent import GAP, Budget, OnProgress
 from trailmark.planning.model import WorldModel, WorldModels
 from trailmark.planning.replanning import ReplanOptions
 from trailmark.planning.result import PlanResult, ReplanResult, Update
+from trailmark.planning.route import RouteResult, plan_on_route
 from trailmark.planning.settings import PlannerSettings
+from trailmark.planning.through import Stops, stops_of
 from trailmark.planning.warmup import Use, warm_up_for
 from trailmark.proofs import LowerBound
 from trailmark.roadmap import Roadmap
@@ -30,6 +32,9 @@ from trailmark.world import Robot, World
 from trailmark.world.changes import Changes
 from trailmark.world.goals import Ends
 from trailmark.world.objective import Objective
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 __all__ = ["LandmarkPlanner"]
 
@@ -184,6 +189,7 @@ class LandmarkPlanner:
         on_progress: OnProgress | None = None,
         stop: Callable[[], bool] | None = None,
         gap: float = GAP,
+        escape: bool = False,
     ) -> PlanResult:
         """Return a path from start to goal, or why there is none.
 
@@ -199,16 +205,88 @@ class LandmarkPlanner:
             stop: asked between steps whether to end early, as if the time were up.
             gap: end as soon as the path is proven to cost no more than (1 + gap) times the optimum; infinite: with the
                 first path.
+            escape: where the start is not free (a robot that is not quite where it is thought to be), begin with the
+                shortest way out, along which it is never deeper in what it stands in.
 
         Raises:
             ConfigurationError: start or goal is not valid, the time limit is not above 0, or the gap is negative.
         """
+        return self._plan(start, goal, time_limit, max_iterations, on_progress, stop, gap, escape)
+
+    @as_raised
+    def plan_through(
+        self,
+        start: ArrayLike,
+        goals: Sequence[Ends],
+        time_limit: float = 1.0,
+        *,
+        max_iterations: int | None = None,
+        on_progress: OnProgress | None = None,
+        stop: Callable[[], bool] | None = None,
+        gap: float = GAP,
+        escape: bool = False,
+    ) -> PlanResult:
+        """Return one path from start through places in their order, or for which leg there is none.
+
+        Headings that are left free are chosen together with the legs. ``cost`` and ``lower_bound`` are those of the
+        whole path, ``legs`` has the answer for each leg; ``reason`` names the leg that fails.
+
+        Args:
+            start: configuration (x, y, theta), shape (3,).
+            goals: the places, the last is the goal: each a configuration, shape (3,), a position x, y, which is passed
+                with any heading, a goal (:class:`~trailmark.Goal`), or several goals of which any one is passed.
+            time_limit: seconds for all legs together.
+            max_iterations: rounds of landmarks at most, for each leg.
+            on_progress: called after every step, and with every better whole path.
+            stop: asked between steps whether to end early, as if the time were up.
+            gap: end as soon as the whole path is proven to cost no more than (1 + gap) times the optimum; infinite:
+                with the first.
+            escape: as of :meth:`plan`.
+
+        Raises:
+            ConfigurationError: there are no places, start or a place is not valid, or an option is out of range.
+        """
+        return self._plan(start, stops_of(goals), time_limit, max_iterations, on_progress, stop, gap, escape)
+
+    @as_raised
+    def plan_on_route(
+        self, graph: nx.DiGraph, start: ArrayLike, goal: ArrayLike, time_limit: float = 1.0
+    ) -> RouteResult:
+        """Return the cheapest path over a route graph drawn by hand, with the edges along which the robot collides.
+
+        The robot drives each edge in its direction and turns in place at nodes. Start and goal are joined to it.
+
+        Args:
+            graph: as :func:`trailmark.read_route_graph` reads it from GeoJSON.
+            start: configuration (x, y, theta), shape (3,).
+            goal: configuration, shape (3,).
+            time_limit: seconds for joining start and goal.
+
+        Raises:
+            ConfigurationError: start or goal is not valid, the graph has no edge, or the robot is a car.
+        """
+        model, budget = self._model, Budget(_limits(time_limit, None)[0])
+        with model.shared.lock:
+            return plan_on_route(model, graph, start, goal, budget)
+
+    def _plan(
+        self,
+        start: ArrayLike,
+        goal: Ends | Stops,
+        time_limit: float,
+        max_iterations: int | None,
+        on_progress: OnProgress | None,
+        stop: Callable[[], bool] | None,
+        gap: float,
+        escape: bool,
+    ) -> PlanResult:
         gap = number(gap, "gap:", minimum=0.0, infinite=True)
         seconds, rounds = _limits(time_limit, max_iterations)
         callback(on_progress, "on_progress:")
         callback(stop, "stop:")
         budget = Budget(seconds, stop=stop, rounds=rounds, gap=gap)
-        return plan_explained(self._model, start, goal, budget, relax=self._relax, on_progress=on_progress)
+        how: dict[str, Any] = {"relax": self._relax, "escape": truth(escape, "escape:"), "on_progress": on_progress}
+        return plan_explained(self._model, start, goal, budget, **how)
 
     @as_raised
     def update(self, changes: Changes | World) -> Update:

@@ -67,6 +67,11 @@ class PlanResult(Shown):
         robot: what was planned for.
         start: configuration (x, y, theta).
         target: where it was to go: a configuration, or goals.
+        escape: motions between the path's first states that only lead out of an obstacle, or of keep-out zones, that
+            the robot stands in: they are not free, and nowhere along them is it deeper in it than before. On the way
+            out of an obstacle one-way zones are left aside.
+        legs: of a path through several places, the answer to each leg's query, the last one's without a path if there
+            is none; else empty.
         reason: why there is no path: which end is at fault and what it overlaps by how much, where the robot is shut in
             and how wide the widest way is, or what ended the search, as far as there was time to tell; empty if solved.
     """
@@ -93,6 +98,8 @@ class PlanResult(Shown):
     start: tuple[float, float, float] | None = field(default=None, repr=False, compare=False)
     target: Any = field(default=None, repr=False, compare=False)
     reason: str = ""
+    escape: int = 0
+    legs: tuple[PlanResult, ...] = ()
 
     def __repr__(self) -> str:
         facts = [str(self.status), *([] if self.path is None else [repr(self.path)])]
@@ -111,6 +118,11 @@ class PlanResult(Shown):
         return (self.path.cost if self.charged is None else self.charged) + (
             0.0 if self.goal is None else self.goal.cost
         )
+
+    def summary(self) -> dict[str, Any]:
+        """Return what ``plan --json`` says of it as a leg of a longer path."""
+        end = None if self.path is None else self.path.states[-1].tolist()
+        return {"status": self.status, "to": end, "cost": self.cost, "lower_bound": self.lower_bound}
 
     def to_dict(self, world: str, query: str | None = None) -> dict[str, Any]:
         """Return the record that ``plan --json`` prints, made of plain numbers, strings and lists."""
@@ -132,6 +144,8 @@ class PlanResult(Shown):
             "status": self.status,
             "reason": self.reason,
             **({} if self.goal is None else {"goal": self.goal.to_dict()}),
+            **({} if not self.escape else {"escape": self.escape}),
+            **({} if not self.legs else {"legs": [leg.summary() for leg in self.legs]}),
             "seed": self.seed,
             "states": [] if path is None else path.states.tolist(),
             "cost": self.cost,
@@ -159,13 +173,9 @@ class ReplanResult(PlanResult):
     Attributes:
         kept: whether the path is the rest of the one that was given.
         reason: why it was kept or replaced, or why there is none.
-        escape: motions between the path's first states that only lead out of an obstacle, or of keep-out zones, that
-            the robot stands in: they are not free, and nowhere along them is it deeper in it than before. On the way
-            out of an obstacle one-way zones are left aside.
     """
 
     kept: bool = False
-    escape: int = 0
 
 
 @dataclass(frozen=True)

@@ -78,6 +78,7 @@ class LowerBound:
 
     Attributes:
         corners: about how many all obstacles have.
+        least: that a metre costs, or half a metre's turn.
     """
 
     def __init__(
@@ -96,12 +97,12 @@ class LowerBound:
         # How many metres the disc's centre goes at most for each metre of cost, as that of length and turns.
         turns = max(1.0, self._offset / se2.ROTATION_WEIGHT)
         self._stretch = turns if robot.turning_radius is None else 1.0 + self._offset / robot.turning_radius
-        self._least, self._eikonal = 1.0, None
+        self.least, self._eikonal = 1.0, None
         if motion is not None:
             density = motion.density
             # A car's turning costs nothing by itself.
             each = (density.least, np.inf if robot.turning_radius is not None else density.rotation)
-            self._least = min(each[0], each[1] / se2.ROTATION_WEIGHT)
+            self.least = min(each[0], each[1] / se2.ROTATION_WEIGHT)
             self._eikonal = Eikonal(motion)
         if grid is not None:
             # To go through thousands of obstacles takes as long as planning may.
@@ -127,17 +128,21 @@ class LowerBound:
         cost = float(se2.distance(start, goal) if steering is None else steering.lengths(start, goal))
         a, b = (se2.transform(q, self._center[None])[0] for q in (start, goal))
         try:
-            length, path = self._shortest(a, b, limit / self._least * self._stretch, stop)
+            length, path = self._shortest(a, b, limit / self.least * self._stretch, stop)
         except TimeoutError:
             length, path = 0.0, np.empty((0, 2))
         bound = length / self._stretch
         if self.robot.turning_radius is None:
             turn = abs(float(se2.difference(start, goal)[2]))
             bound += max(0.0, se2.ROTATION_WEIGHT - self._offset) * turn
-        cost = self._least * max(cost, bound)
+        cost = self.least * max(cost, bound)
         if self._eikonal is not None and np.isfinite(cost) and not (stop is not None and stop()):
             cost = max(cost, self._eikonal.of(start, goal))
         return Bound(cost, path)
+
+    def between(self, a: FloatArray, b: FloatArray, near: float = 0.0) -> float:
+        """Return what any way between positions (2,), or so near to them, costs at least, metres, for all headings."""
+        return self.least * max(0.0, float(np.hypot(*(b - a))) - near)
 
     def shuts_out(self, start: FloatArray, goal: Goal, stop: Stop | None = None) -> bool:
         """Return whether it is proven that no path from a valid start, shape (3,), ends anywhere in a goal.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -87,6 +87,19 @@ class Goal:
                 raise ConfigurationError(f"goal: region: {error}") from None
         if self.heading_tolerance > 0.0 and self._heading is None:
             raise ConfigurationError(f"goal: heading_tolerance: expected a heading, got {brief(self)}")
+
+    @classmethod
+    def bidirectional(cls, pose: ArrayLike, **options: Any) -> tuple[Goal, Goal]:
+        """Return two goals: a pose (x, y, theta), and the same place headed the opposite way.
+
+        Raises:
+            ConfigurationError: as the goal itself; or the pose has no heading.
+        """
+        one = cls(pose, **options)  # type: ignore[arg-type]  # arrays, too
+        if one.pose is None or len(one.pose) != 3:
+            raise ConfigurationError(f"goal: expected a pose x, y, theta with a heading, got {brief(pose)}")
+        x, y, theta = one.pose
+        return one, replace(one, pose=(x, y, float(se2.wrap(theta + math.pi))))
 
     def __repr__(self) -> str:
         fields = ", ".join(f"{name}={value}" for name, value in self.to_dict().items())

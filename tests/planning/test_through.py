@@ -1,0 +1,111 @@
+"""One path through places in their order: each leg certified, free headings chosen, cost and bound of the whole."""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trailmark import ConfigurationError, Goal, LandmarkPlanner, Rectangle, Robot, World, check_path
+from trailmark.curves import Steering
+from trailmark.planning.result import PlanResult
+
+ROBOTS = {
+    "disc": Robot.disc(0.2),
+    "rectangle": Robot.rectangle(0.6, 0.4),
+    "differential": Robot.rectangle(0.6, 0.4).differential(),
+    "car": Robot.rectangle(0.6, 0.4).steered(0.5),
+}
+OPEN = World("open", (0.0, 0.0, 20.0, 20.0))
+
+
+def passed(result: PlanResult, places: list[tuple[float, ...]]) -> list[int]:
+    """Return the indices of the states at which a path passes places, in turn."""
+    assert result.path is not None
+    found, states = [0], result.path.states
+    for place in places:
+        off = np.abs(states[found[-1] :, :2] - place[:2]).max(axis=1)
+        found.append(found[-1] + int(np.argmax(off < 1e-9)))
+        assert off[found[-1] - found[-2]] < 1e-9, f"{place} is not passed"
+    return found[1:]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_path_leads_through_all_places_and_is_certified(name: str, worlds: Path) -> None:
+    world, robot = World.load(worlds / "office.yaml"), ROBOTS[name]
+    start, places = (1.0, 1.0, 0.0), [(6.5, 1.5), (8.0, 6.0, 0.5), (13.0, 6.5), (18.0, 10.0, 1.57)]
+    planner = LandmarkPlanner(world, robot, seed=0)
+    result = planner.plan_through(start, places, 8.0)
+    assert (result.status, len(result.legs)) == ("solved", 4)
+    assert result.path is not None
+    audit = check_path(world, robot, result.path)
+    assert audit.free
+    where = passed(result, places)
+    assert (result.path.states[where[-1] :, :2] == places[-1][:2]).all()
+    for i, heading in ((1, 0.5), (3, 1.57)):  # it may turn there
+        there = result.path.states[where[i] :]
+        there = there[(there[:, :2] == places[i][:2]).all(axis=1)]
+        assert np.abs(there[:, 2] - heading).min() < 1e-9
+    assert result.lower_bound is not None
+    assert result.cost is not None
+    assert 0.0 < result.lower_bound <= result.cost
+    assert result.cost == pytest.approx(sum(leg.cost or np.inf for leg in result.legs), rel=0.01)
+    # No way through the places can be cheaper than the parts each by itself, planned with all headings free.
+    ends = [start, *places]
+    for a, b, leg in zip(ends, ends[1:], result.legs, strict=False):
+        assert leg.cost is not None
+        assert leg.cost >= np.hypot(*np.subtract(b[:2], a[:2])) - 1e-9
+
+
+def test_headings_left_free_are_those_of_the_cheapest_chain() -> None:
+    """In the open, against all combinations of 72 headings at each of two places, by the curves' own lengths."""
+    robot, steering = ROBOTS["car"], Steering(0.5)
+    start, places, goal = (3.0, 3.0, 0.0), [(6.0, 4.0), (5.0, 7.0)], (2.0, 6.0, 3.0)
+    result = LandmarkPlanner(OPEN, robot, seed=0).plan_through(start, [*places, goal], 3.0)
+    angles = np.linspace(-np.pi, np.pi, 72, endpoint=False)
+    rows = [np.array([start]), *(np.column_stack([np.tile(p, (72, 1)), angles]) for p in places), np.array([goal])]
+    total = np.zeros(1)
+    for a, b in pairwise(rows):
+        lengths = np.array([float(steering.lengths(p, q)) for p, q in product(a, b)]).reshape(len(a), len(b))
+        total = (total[:, None] + lengths).min(axis=0)
+    assert result.path is not None
+    assert result.path.length <= 1.02 * total[0]
+
+
+def test_the_leg_that_fails_is_named() -> None:
+    box = World("box", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 5.0), 1.0, 10.0),))
+    planner = LandmarkPlanner(box, ROBOTS["disc"], seed=0)
+    result = planner.plan_through((2.0, 2.0, 0.0), [(5.0, 5.0, 0.0), (15.0, 5.0, 0.0), (2.0, 8.0)], 2.0)
+    assert (result.status, result.path, len(result.legs)) == ("infeasible", None, 2)
+    assert result.reason.startswith("leg 2 of 3, from via point 1 to via point 2: ")
+    assert result.to_dict("box")["legs"][1]["status"] == "infeasible"
+    with pytest.raises(ConfigurationError, match=r"^via point 1 \(10, 5, 0\) is not valid"):
+        planner.plan_through((2.0, 2.0, 0.0), [(10.0, 5.0, 0.0), (2.0, 8.0)], 2.0)
+
+
+@pytest.mark.parametrize(
+    ("goals", "fault"),
+    [
+        ([], "expected the places to pass in turn, got"),
+        (Goal((1.0, 1.0)), "expected the places to pass in turn, got"),
+        ([(1.0, 2.0), "kitchen"], "goals: "),
+        ([(1.0, 2.0, 3.0, 4.0)], r"expected \[x, y, theta\] or \[x, y\]"),
+    ],
+)
+def test_what_are_no_places_is_refused(goals: object, fault: str) -> None:
+    with pytest.raises(ConfigurationError, match=fault):
+        LandmarkPlanner(OPEN, ROBOTS["disc"]).plan_through((3.0, 3.0, 0.0), goals)  # type: ignore[arg-type]
+
+
+def test_either_of_two_opposite_headings_will_do() -> None:
+    goals = Goal.bidirectional((10.0, 3.0, 0.0))
+    assert goals[1].pose == pytest.approx((10.0, 3.0, np.pi))
+    robot = ROBOTS["car"].steered(0.5, reverse=False)
+    result = LandmarkPlanner(OPEN, robot, seed=0).plan((15.0, 3.0, np.pi), goals)
+    assert result.path is not None
+    assert result.path.length == pytest.approx(5.0)
+    with pytest.raises(ConfigurationError, match="expected a pose x, y, theta with a heading"):
+        Goal.bidirectional((10.0, 3.0))
