@@ -165,7 +165,8 @@ class _Search:
         while heap and self.seconds_left() > 0.0:
             _, _, cost, rows, out = heappop(heap)
             here = rows[-1]
-            key = tuple(np.round(here / (SAME * np.array([robot.circumradius, robot.circumradius, 1.0]))).astype(int))
+            cell = np.round(here / (SAME * np.array([robot.circumradius, robot.circumradius, 1.0]))).astype(int)
+            key = (*cell.tolist(), out)
             if key in seen or (out and not self.certified(rows)) or (not out and expanded == EXPANDED):
                 continue
             seen.add(key)
