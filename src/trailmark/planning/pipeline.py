@@ -20,7 +20,7 @@ from trailmark.planning.placement import Placement, Rounds, improve
 from trailmark.planning.prover import Prover
 from trailmark.planning.query import Query
 from trailmark.planning.result import PlanResult, Status
-from trailmark.planning.shortening import without_needless
+from trailmark.planning.shortening import with_fewer_vertices, without_needless
 from trailmark.proofs import LowerBound
 from trailmark.proofs.background import in_time
 from trailmark.proofs.mesh import shortest_point_path, triangulated
@@ -48,6 +48,9 @@ PROOF_WAIT = 3.0
 
 WORTH_SHORTENING = 1.3
 """Times the best path's cost up to which one of the roadmap, which is not shortened, is worth it."""
+
+FEWER_COST = 0.01
+"""By which share a part of a path may cost more if vertices are left out, where it costs more near obstacles."""
 
 ABOUT_AS_GOOD = 1.03
 """Times the best path's cost up to which a path that the planner's own roadmap knows is about as good."""
@@ -235,6 +238,11 @@ class Stages:
         if not self.exact:
             fewer = np.asarray(without_needless(query.motion.kind, incumbent.states, BUDGET))
             query.offer(fewer)
+            objective = query.motion.objective
+            if objective is not None and objective.clearance > 0.0:
+                # On ground that is slightly cheaper beside every line, no vertex is quite needless.
+                fewer = with_fewer_vertices(query.motion, fewer, FEWER_COST)
+                incumbent.cost = max(incumbent.cost, query.motion.cost_of(fewer))
             incumbent.states = fewer
         # Once it is large, it only learns paths where it knows none at all.
         unknown = query.roadmap_cost == np.inf and self.lookup.complete

@@ -37,7 +37,7 @@ from trailmark.motion.base import (
 )
 from trailmark.se2 import FloatArray
 
-__all__ = ["EFFORT", "GAIN", "shorten", "without_needless"]
+__all__ = ["EFFORT", "GAIN", "shorten", "with_fewer_vertices", "without_needless"]
 
 EFFORT: Any = np.int64(500)
 """Configurations evaluated for one motion at most: one that needs more grazes something; another is sooner tried."""
@@ -91,6 +91,28 @@ def shorten(
         if len(history) > 3 and history[-4] - history[-1] < tolerance * history[-1]:
             break
     return path
+
+
+def with_fewer_vertices(motion: Motion, states: FloatArray, rise: float) -> FloatArray:
+    """Return a path whose motions each take the place of several, as many as cost no more than so much less.
+
+    Args:
+        motion: certifies them.
+        states: of a path of certified motions, shape (n, 3).
+        rise: share by which one motion may cost more than those whose place it takes.
+    """
+    along = (
+        np.concatenate([[0.0], np.cumsum(motion.costs(states[:-1], states[1:]))]) if len(states) > 1 else np.zeros(1)
+    )
+    kept, i = [0], 0
+    while i < len(states) - 1:
+        ends = np.arange(len(states) - 1, i, -1)
+        begins = np.repeat(states[i][None], len(ends), axis=0)
+        good = motion.costs(begins, states[ends]) <= (1.0 + rise) * (along[ends] - along[i]) + GAIN
+        certified_ends = (k for k in ends[good] if motion.motions_between_valid(begins[:1], states[k][None])[0])
+        i = int(next(certified_ends, i + 1))
+        kept.append(i)
+    return states[kept]
 
 
 @njit(nogil=True)
