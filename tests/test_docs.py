@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from tests.support.brief import briefly
+from tests.helpers.trials import briefly
 from tests.support.forks import Forks
 
 from trailmark import World

@@ -12,7 +12,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from docs.api_pages import public_names
-from tests.support.brief import briefly
+from tests.helpers.trials import briefly
 from tests.support.forks import Forks
 
 ROOT = Path(__file__).resolve().parents[1]

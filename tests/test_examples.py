@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from tests.support.brief import briefly
+from tests.helpers.trials import briefly
 from tests.support.forks import Forks, complaints
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -22,8 +22,8 @@ import numba
 import numpy as np
 import pytest
 from numba.core import event
+from tests.helpers.trials import few
 from tests.support.forks import Forks
-from tests.support.trials import few
 
 from trailmark import jit
 from trailmark.jit import callee, compiling_for, kernel_digest, njit

@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
-from tests.support.trials import pairs, trials
+from tests.helpers.oracles import Oracle
+from tests.helpers.trials import pairs, trials
 
 from trailmark.collision import StateChecker
+from trailmark.collision.fcl_scene import FclScene
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
@@ -184,3 +185,25 @@ def test_a_sharp_tip_reaches_no_deeper_than_any_other_part(half: float) -> None:
             assert not checker.valid((5.0 + depth, 5.0, turned))
             sliding = [(5.0 + depth, 5.0 + k * 5e-7, turned) for k in range(3)]
             assert not checker.motions_valid(sliding[:-1], sliding[1:]).any()
+
+
+def square(x: float, y: float, size: float) -> Polygon:
+    return Polygon(np.array([[x, y], [x + size, y], [x + size, y + size], [x, y + size]]))
+
+
+@pytest.mark.parametrize("robot", [Robot.disc(1.0), Robot.rectangle(2.0, 1.0)])
+@pytest.mark.parametrize("kept", [1e-9, 7e-8, 1e-7, 2e-7, 0.1])
+def test_a_clearance_is_kept_however_small(robot: Robot, kept: float) -> None:
+    world = World("w", (0.0, 0.0, 10.0, 8.0), (Rectangle((6.0, 4.0), 2.0, 8.0),))
+    checker = StateChecker(world, robot, clearance=kept)
+    # Dilated by the clearance, it overlaps by no more than 1e-7 m.
+    assert not checker.valid((4.0 - kept + 1.1e-7, 4.0, 0.0))
+    assert not checker.valid((4.0 + 1e-9, 4.0, 0.0))
+    assert checker.valid((4.0 - kept - 1e-8, 4.0, 0.0))
+
+
+@pytest.mark.parametrize("radius", [1e-6, 1e-7, 5e-8, 1e-12])
+def test_the_smallest_disc_still_collides(radius: float) -> None:
+    scene = FclScene(World("w", (0, 0, 10, 10), (square(4, 4, 2),)), Robot.disc(radius))
+    assert scene.collides(np.array((5.0, 5.0, 0.0)))
+    assert not scene.collides(np.array((3.0, 5.0, 0.0)))

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
 
 from trailmark import se2
 from trailmark.curves import Steering

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark import se2
 from trailmark.curves.dubins import dubins_words

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_states, random_world
-from tests.support.trials import few
+from tests.helpers.oracles import Oracle
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_states, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples

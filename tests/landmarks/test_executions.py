@@ -11,8 +11,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from sklearn.cluster import KMeans
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_states, random_world
+from tests.helpers.oracles import Oracle
+from tests.helpers.worlds import ROBOTS, random_states, random_world
 from threadpoolctl import threadpool_limits
 
 from trailmark.collision import StateChecker

@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError

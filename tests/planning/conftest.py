@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
-from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.oracles import Oracle, motion_states
 
 from trailmark.planning.warmup import warm_up
 from trailmark.world import Robot, World

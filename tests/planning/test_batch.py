@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark import LandmarkPlanner
-from trailmark.errors import ConfigurationError, TrailmarkError
+from trailmark.errors import ConfigurationError
 from trailmark.landmarks import free_samples
-from trailmark.planning.batch import for_each
 from trailmark.planning.growth import grow_general
 from trailmark.planning.settings import PlannerSettings
-from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
@@ -91,56 +88,6 @@ def test_answers_do_not_depend_on_the_number_of_threads() -> None:
             assert a.path == b.path
 
 
-@pytest.mark.slow
-def test_many_threads_ask_one_planner_while_it_grows() -> None:
-    planner = planner_for("L", LIGHT)
-    planner.build(1000)
-    starts, goals = queries(planner, 16)
-    # What the roadmap does not answer, it would learn.
-    snapshot = planner._model.shared.snapshot(lambda: planner.relaxation)
-    known = [snapshot.find_path(a.copy(), b.copy()) is not None for a, b in zip(starts, goals, strict=True)]
-    starts, goals = starts[known], goals[known]
-    assert len(starts) > 8
-    nodes = len(planner.roadmap)
-    expected = planner.plan_many(starts, goals, time_limit=60.0)
-
-    def ask(_: int) -> bool:
-        found = planner.plan_many(starts, goals, time_limit=60.0, workers=2)
-        return all(a.path == b.path for a, b in zip(expected, found, strict=True))
-
-    def grow(i: int) -> bool:
-        # What is known already adds nothing.
-        with planner._model.shared.lock:
-            planner.roadmap.add(free_samples(planner.checker, 20, random_state=i))
-        return planner.plan(starts[i], goals[i], time_limit=60.0, max_iterations=1).status == "solved"
-
-    with ThreadPoolExecutor(4) as threads:
-        growing = [threads.submit(grow, i) for i in range(2)]
-        asking = [threads.submit(ask, i) for i in range(4)]
-        assert all(task.result() for task in [*asking, *growing])
-    assert nodes < len(planner.roadmap) < 1.1 * nodes
-
-
-@pytest.mark.slow
-def test_what_the_roadmap_does_not_answer_is_planned() -> None:
-    # Ten landmarks in a world of sixty obstacles answer next to nothing.
-    planner = planner_for("rectangle")
-    planner.build(10)
-    starts, goals = queries(planner, 12)
-    results = planner.plan_many(starts, goals, time_limit=20.0, max_iterations=8)
-    assert {r.status for r in results} == {"solved"}
-    assert len(planner.roadmap) > 10
-
-
-@pytest.mark.slow
-def test_infeasible_queries_are_proven_so() -> None:
-    walled = World("walled", (0, 0, 10, 6), (Rectangle((5, 3), 0.5, 6.0),))
-    planner = LandmarkPlanner(walled, Robot.rectangle(1.0, 0.5), seed=1)
-    results = planner.plan_many([(1, 1, 0), (1, 1, 0)], [(9, 1, 0), (2, 5, 1)])
-    assert [r.status for r in results] == ["infeasible", "solved"]
-    assert results[0].path is None
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -184,22 +131,6 @@ def test_many_queries_can_be_stopped() -> None:
 
 
 @pytest.mark.slow
-def test_each_stops_at_the_first_exception() -> None:
-    done: list[int] = []
-
-    def work(i: int) -> None:
-        if i == 3:
-            raise KeyboardInterrupt
-        done.append(i)
-
-    for workers in (1, 2):
-        done.clear()
-        with pytest.raises(KeyboardInterrupt):
-            for_each(work, 10_000, workers, None)
-        assert len(done) < 10_000
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle"])
 def test_a_roadmap_is_built_as_dense_as_the_world_asks_for_and_its_paths_are_short(name: str) -> None:
     planner, seen = planner_for(name), list[tuple[int, int]]()
@@ -223,9 +154,3 @@ def test_a_roadmap_is_built_as_dense_as_the_world_asks_for_and_its_paths_are_sho
     ratio = many / np.minimum(many, np.array(single, dtype=np.float64))
     assert np.median(ratio) < 1.03
     assert ratio.max() < 1.5
-
-
-def test_where_there_is_no_free_place_nothing_is_built() -> None:
-    full = LandmarkPlanner(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4.0, 4.0),)), Robot.disc(0.5), seed=0)
-    with pytest.raises(TrailmarkError, match="no free place for the robot was found"):
-        full._model.shared.snapshot(lambda: full.relaxation)

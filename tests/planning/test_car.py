@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.oracles import Oracle
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.shapes import Disc
 from trailmark.trajectories import CurvePath
 from trailmark.verify import check_path
 from trailmark.world import Query, Robot, World
@@ -142,64 +142,6 @@ def test_straight_lines_from_state_to_state_are_free_as_well(pillar: float, room
     trajectory = result.path.timed(1.0, 0.5, 1.0)
     for t in (trajectory.t, np.union1d(trajectory.t, np.linspace(0.0, trajectory.duration, 500))):
         assert check_path(world, car, trajectory.at(t)).free
-
-
-def test_a_three_point_turn_in_an_aisle() -> None:
-    walls = (Rectangle((10.0, 7.6), 20.0, 0.8), Rectangle((10.0, 2.4), 20.0, 0.8))
-    world = World("aisle", (0.0, 0.0, 20.0, 10.0), walls, Robot.rectangle(2.4, 1.2).steered(2.5))
-    query = Query("turn", (10.0, 5.0, 0.0), (10.0, 5.0, math.pi))
-    _, result = planned(world, query)
-    path = referee(world, query, result)
-    assert path.cusps >= 2
-
-
-@pytest.mark.slow
-def test_a_round_car_has_a_heading() -> None:
-    wall = Polygon(np.array([(9.5, 0.0), (10.5, 0.0), (10.5, 7.0), (9.5, 7.0)]))
-    world = World("wall", (0.0, 0.0, 20.0, 10.0), (wall,), Robot.disc(0.6).steered(1.5, reverse=False))
-    query = Query("over", (3.0, 2.0, 0.0), (17.0, 2.0, 0.0))
-    _, result = planned(world, query)
-    path = referee(world, query, result)
-    # The bound knows of the wall too.
-    assert result.lower_bound is not None
-    assert 1.2 * Steering(1.5, reverse=False).lengths(query.start, query.goal) < result.lower_bound <= path.cost
-
-
-def test_no_way_for_the_robot_at_all_is_proven() -> None:
-    wall = Rectangle((10.0, 5.0), 1.0, 10.0)
-    world = World("split", (0.0, 0.0, 20.0, 10.0), (wall,), Robot.rectangle(2.0, 1.0).steered(3.0))
-    _, result = planned(world, Query("q", (3.0, 5.0, 0.0), (17.0, 5.0, 0.0)))
-    assert result.status == "infeasible"
-    assert result.lower_bound is None
-    assert result.path is None
-
-
-@pytest.mark.slow
-def test_what_is_too_tight_for_a_car_ends_in_time_with_how_far_it_got() -> None:
-    # Out of a dead end that is entered forwards only: a car that does not reverse never comes out again.
-    walls = (Rectangle((5.0, 3.9), 10.0, 0.4), Rectangle((5.0, 6.1), 10.0, 0.4), Rectangle((10.2, 5.0), 0.4, 2.6))
-    world = World("dead end", (-8.0, -4.0, 20.0, 14.0), walls, Robot.rectangle(2.0, 1.0).steered(3.0, reverse=False))
-    query = Query("out", (7.0, 5.0, 0.0), (15.0, 5.0, 0.0))
-    _, result = planned(world, query, time_limit=0.4, max_iterations=None)
-    assert result.status == "timeout"
-    assert result.time["total"] is not None
-    assert result.time["total"] < 30.0  # without a limit on its rounds it would not end
-    free = world.with_robot(Robot.rectangle(2.0, 1.0).steered(3.0))
-    referee(free, query, planned(free, query)[1])
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_path_and_queries_share_the_roadmap(worlds: Path) -> None:
-    world = shipped(worlds, "office", 0.6)
-    query = world.query("coffee")
-    planner, first = planned(world, query, seed=4, time_limit=60.0)
-    _, second = planned(world, query, seed=4, time_limit=60.0)
-    assert first.path == second.path
-    assert first.path is not None
-    # The way back is there already.
-    back = planner.plan(query.goal, query.start, time_limit=60.0, max_iterations=1)
-    assert back.path is not None
-    assert back.path.cost < 1.05 * first.path.cost
 
 
 def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
+from tests.helpers.oracles import Oracle
 
 from trailmark import Objective
 from trailmark.planning import LandmarkPlanner, PlanResult

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle, motion_states
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.quick import QUICK
-from tests.support.trials import few
+from tests.helpers.oracles import Oracle, motion_states
+from tests.helpers.trials import QUICK, few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark import check_path
 from trailmark.collision import StateChecker
@@ -45,24 +44,6 @@ def least(world: World, robot: Robot, path: Path, fine: float = 0.01) -> float:
 
 def ends_of(world: World, robot: Robot, clearance: float, seed: int) -> FloatArray:
     return free_samples(StateChecker(world, robot, clearance=clearance), 2, random_state=seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "clearance"),
-    [(name, clearance) for i, name in enumerate(ROBOTS) for clearance in ((1e-9, 0.05)[i % 2], 0.4)],
-)
-def test_states_are_valid_where_shapely_measures_the_clearance(name: str, clearance: float) -> None:
-    world, robot = random_world(3, 40, size=40.0, discs=0.3, holes=0.2, boundary=True), ROBOTS[name]
-    rng = np.random.default_rng(5)
-    n = few(1000)
-    q = np.column_stack([rng.uniform(0, 40, (n, 2)), rng.uniform(-3, 3, n)])
-    distance = Oracle(world, robot).clearance(q)
-    sure = (np.abs(distance - clearance) > ALLOWED) | Oracle(world, robot).collides(q)
-    assert sure.mean() > 0.9
-    checker = StateChecker(world, robot, clearance=clearance)
-    assert (checker.valid(q) == (distance > clearance))[sure].all()
-    assert checker.clearance(q[:50]) == pytest.approx(distance[:50], abs=1e-8)
 
 
 @pytest.mark.slow

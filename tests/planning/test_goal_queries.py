@@ -19,18 +19,6 @@ def planner() -> LandmarkPlanner:
     return LandmarkPlanner(World("room", (0, 0, 10, 10), (wall,), Robot.rectangle(0.6, 0.4)), seed=1)
 
 
-def test_a_path_to_a_goal_is_kept_while_it_is_free() -> None:
-    plans = planner()
-    path = plans.plan(START, [NEAR, FAR], 0.3).path
-    assert path is not None
-    result = plans.replan(path.at(0.4), [NEAR, FAR], path)
-    assert result.kept
-    assert result.goal is not None
-    assert result.goal.index == 0
-    assert np.array_equal(result.goal.pose, path.states[-1])
-    assert result.cost == pytest.approx(0.6 * path.cost)
-
-
 @pytest.mark.slow
 def test_it_leads_to_another_goal_where_its_own_is_blocked() -> None:
     plans = planner()

@@ -9,7 +9,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark import (
     Goal,
@@ -132,14 +132,6 @@ def test_a_path_ends_within_its_goal(name: str, robot: str) -> None:
         assert result.cost <= 1.02 * cost_to(robot, *guess.tolist())
 
 
-def test_the_heading_that_takes_no_turning_is_chosen() -> None:
-    result = plan(World("empty", (0, 0, 10, 10), (), ROBOTS["rectangle"]), Goal((8.0, 5.0)))
-    assert result.path is not None
-    assert result.path.rotation == 0.0
-    assert result.cost == pytest.approx(np.hypot(7.0, 4.0))
-    assert result.lower_bound == pytest.approx(result.cost)
-
-
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_start_inside_is_a_path_of_one_state(robot: str) -> None:
     goal = Goal(region=box(1.0, 1.0, 0.5), cost=0.25)
@@ -173,18 +165,6 @@ def test_the_best_goal_is_chosen_as_by_planning_to_each() -> None:
         assert result.cost >= min(bounds) * (1 - 1e-9)
         wrong += result.cost > 1.02 * min(costs)
     assert wrong == 0
-
-
-@pytest.mark.slow
-def test_a_hundred_goals_of_which_one_can_be_reached() -> None:
-    world = room("rectangle", *closed(2.5, 4.0, 1.2))
-    rng = np.random.default_rng(2)
-    inside = rng.uniform([1.8, 3.3, -pi], [3.2, 4.7, pi], (99, 3))
-    goals = [*(Goal(tuple(q)) for q in inside), Goal((9.0, 9.0, 0.0))]
-    result = plan(world, *goals)
-    assert result.goal is not None
-    assert result.goal.index == 99
-    assert result.time["first_solution"] is not None
 
 
 @pytest.mark.slow

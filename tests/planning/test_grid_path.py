@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.grid_worlds import KINDS, far_pairs
+from tests.helpers.worlds import KINDS, far_pairs
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
@@ -24,16 +24,3 @@ def test_paths_are_certified_and_within_a_hundredth_of_the_bound(kind: str) -> N
     assert result.lower_bound <= result.path.cost <= 1.01 * result.lower_bound
     states = result.path.states
     assert StateChecker(world, Robot.disc(0.4)).motions_valid(states[:-1], states[1:]).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", [Robot.rectangle(0.8, 0.6), Robot.disc(0.3).steered(0.5)])
-def test_other_robots_are_bounded_by_their_discs(robot: Robot) -> None:
-    blocked = np.zeros((12, 12), np.bool_)
-    blocked[:9, 6] = True
-    planner = LandmarkPlanner(World.from_grid(blocked, 1.0), robot, seed=0)
-    # What is near enough to the bound ends it; the straight way would not be.
-    result = planner.plan((2.0, 1.5, 0.0), (10.0, 1.5, 0.0), time_limit=20.0, gap=0.25)
-    assert result.path is not None
-    assert result.lower_bound is not None
-    assert 8.0 < 15.0 < result.lower_bound <= result.path.cost

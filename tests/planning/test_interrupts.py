@@ -11,14 +11,13 @@ from types import FrameType
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.interrupts import interrupted, lines_run
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, random_world
 from tests.support.forks import Forks
-from tests.support.interrupts import interrupted, lines_run
-from tests.support.trials import few, trials
 
 from trailmark import Disc, LandmarkPlanner, StateChecker
 from trailmark.landmarks import free_samples
-from trailmark.planning import PlanProgress
 from trailmark.planning.warmup import warm_up
 
 FloatArray = NDArray[np.float64]
@@ -84,39 +83,6 @@ def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) 
         if step % 60 == 59:
             assert_sound(planner, judge, pairs[step // 60 :: 5])
     assert hits > few(80, of=2)
-
-
-@pytest.mark.slow
-def test_an_exception_of_a_callback_leaves_all_sound(judge: Judge) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4)
-    pairs = queries(planner, 10)
-
-    class StopHere(Exception):  # noqa: N818  # no error
-        pass
-
-    raised = 0
-    for step in trials(40):
-        left = [step % 13]
-
-        def asked(left: list[int] = left) -> bool:
-            left[0] -= 1
-            if left[0] < 0:
-                raise StopHere
-            return False
-
-        def told(progress: PlanProgress, asked: Callable[[], bool] = asked) -> None:
-            asked()
-
-        ends = pairs[step % 10, 0], pairs[step % 10, 1]
-        try:
-            if step % 2:
-                planner.plan(*ends, 20.0, max_iterations=3, on_progress=told)
-            else:
-                planner.plan(*ends, 20.0, max_iterations=3, stop=asked)
-        except StopHere:
-            raised += 1
-    assert raised > few(13)
-    assert_sound(planner, judge, pairs, rounds=3)
 
 
 @pytest.mark.slow

@@ -12,12 +12,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.motion import motion_of
-from trailmark.planning import LandmarkPlanner
 from trailmark.planning import lattice_schedule as schedule
 from trailmark.planning.lattice_schedule import LatticeSchedule
 from trailmark.search.lattice import Lattice
@@ -121,12 +120,3 @@ def test_other_looks_find_other_ways_around(judge: Judge) -> None:
     assert 0.9 * below < min(costs) < 1.05 * below < known
     # What is shorter than any way there is keeps the search from all of them.
     assert len(lattices.other_path(rng, 0.7 * below)) == 0
-
-
-def test_a_lattice_search_that_is_stopped_ends_the_planning_in_order() -> None:
-    stops = iter([False] * 3)
-    found = LandmarkPlanner(WALL, CAR, seed=0).plan(ACROSS[0], ACROSS[1], 20.0, stop=lambda: next(stops, True))
-    assert found.status in ("solved", "timeout"), found.status
-    none = LandmarkPlanner(WALL, CAR, seed=0).plan(ACROSS[0], ACROSS[1], 20.0, stop=lambda: True)
-    assert none.status == "timeout"
-    assert none.path is None

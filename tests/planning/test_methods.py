@@ -8,7 +8,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
+from tests.helpers.oracles import Oracle
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
@@ -49,31 +49,6 @@ def test_every_method_finds_a_path(method: str, robot: str) -> None:
     states = result.path.resample(0.05).states
     assert states[np.argmin(np.abs(states[:, 0] - 4.0)), 1] > 3.0
     assert states[np.argmin(np.abs(states[:, 0] - 8.0)), 1] < 3.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", ["disc", "rectangle"])
-def test_lattices_alone_find_a_path_without_landmarks(robot: str) -> None:
-    result = plan(robot, METHODS["lattice"])
-    assert result.path is not None
-    # The path's own states are all that its roadmap keeps.
-    assert result.landmarks <= len(result.path.states) + 2
-
-
-def test_lattices_alone_end_where_none_leads_through() -> None:
-    shut = World("shut", (0, 0, 12, 6), (Rectangle((6.0, 3.0), 0.5, 6.0),))
-    planner = LandmarkPlanner(shut, ROBOTS["rectangle"], seed=0, settings=METHODS["lattice"])
-    result = planner.plan(START, GOAL, 600.0)
-    assert result.path is None
-    assert (result.time["total"] or 0.0) < 600.0
-
-
-@pytest.mark.slow
-def test_the_published_method_answers_by_its_roadmap_alone() -> None:
-    published, full = (plan("rectangle", METHODS[name]).cost for name in ("paper", "landmark"))
-    assert published is not None
-    assert full is not None
-    assert published > full
 
 
 TAKING_PART = {

@@ -5,78 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.random_pairs import random_pairs
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.quick import QUICK
-from tests.support.trials import few
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import LandmarkPlanner, PlanResult
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
-from trailmark.motion import CurveMotion, motion_of
+from trailmark.motion import motion_of
 from trailmark.planning.shortening import without_needless
-from trailmark.planning.warmup import warm_up
 from trailmark.shapes import Rectangle
-from trailmark.trajectories import CurvePath
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 Judge = Callable[..., float]
 
 WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
-
-
-def assert_none_needless(motions: Any, result: PlanResult) -> int:
-    """Assert that each inner vertex is needed; return how many there are."""
-    assert result.path is not None
-    q = result.path.states
-    assert (q[1:] != q[:-1]).any(axis=1).all() or len(q) == 2
-    free = motions.motions_valid(q[:-2], q[2:])
-    assert not free.any()
-    return len(q) - 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["rectangle", "L"])
-def test_planned_paths(name: str, judge: Judge) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, settings=QUICK)
-    pairs = random_pairs(planner, 3, 3)
-    vertices = 0
-    for _ in range(2):
-        for start, goal in pairs:
-            result = planner.plan(start, goal, 30.0, max_iterations=2)
-            vertices += assert_none_needless(planner.checker, result)
-            assert result.path is not None
-            judge(WORLD, planner.robot, start, goal, result.path.states)
-            assert result.history[-1][1] == pytest.approx(result.path.cost, abs=1e-9)
-    assert vertices > 10
-
-
-@pytest.mark.slow
-def test_a_cars_paths() -> None:
-    warm_up("curve")
-    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"].steered(1.5), seed=4)
-    motions = CurveMotion(planner.checker)
-    assert isinstance(planner.motion, CurveMotion)
-    lengths = planner.motion.steering.lengths
-    knots = 0
-    for start, goal in random_pairs(planner, 3, 3):
-        result = planner.plan(start, goal, 60.0, max_iterations=1)
-        if result.path is None:
-            continue
-        assert isinstance(result.path, CurvePath)
-        q = result.path.knots
-        longer = lengths(q[:-2], q[2:]) > lengths(q[:-2], q[1:-1]) + lengths(q[1:-1], q[2:]) + 1e-9
-        assert (~motions.motions_valid(q[:-2], q[2:]) | longer).all()
-        knots += len(q) - 2
-    assert knots > 2
 
 
 def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import copy
 import pickle
-import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 import pytest
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.worlds import ROBOTS, random_world
 from tests.support.forks import Forks
 
 from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot
@@ -117,28 +116,3 @@ def test_another_process_gets_the_same_answers(tmp_path: FilePath, forks: Forks,
     forks.run(["-c", PROGRAM, str(file)], timeout=300.0, cwd=FilePath(__file__).parents[2]).check_returncode()
     theirs = pickle.loads(file.read_bytes())  # noqa: S301  # made by the test
     assert all(same(a, b) for a, b in zip(theirs, lived("rectangle").expected, strict=True))
-
-
-@pytest.mark.slow
-def test_a_planner_is_pickled_between_queries() -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS["disc"], seed=0, warm=False)
-    ends = free_samples(planner.checker, 2, random_state=1)
-    inside, done, order = threading.Event(), threading.Event(), []
-
-    def pickle_it() -> None:
-        inside.wait(60.0)
-        pickle.dumps(planner)
-        order.append("pickled")
-        done.set()
-
-    thread = threading.Thread(target=pickle_it)
-    thread.start()
-
-    def hold(_: object) -> None:
-        inside.set()
-        assert not done.wait(0.02)
-
-    planner.plan(ends[0], ends[1], LIMIT, max_iterations=1, on_progress=hold)
-    order.append("planned")
-    thread.join()
-    assert sorted(order) == ["pickled", "planned"]

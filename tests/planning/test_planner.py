@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.quick import QUICK
+from tests.helpers.trials import QUICK
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, WorldError
@@ -91,15 +91,6 @@ def test_a_straight_motion_is_the_answer_where_it_is_free(judge: Judge) -> None:
     assert len(result.path) == 2
     assert result.cost == result.lower_bound
     assert len(result.history) == 1
-
-
-def test_start_is_goal(judge: Judge) -> None:
-    at = (5.0, 8.0, 0.3)
-    world = wall(2.0)
-    for robot in (CAR, Robot.disc(0.3)):
-        result = LandmarkPlanner(world, robot, seed=0).plan(at, at)
-        accepted(judge, world, at, at, result, robot)
-        assert result.cost == 0.0
 
 
 def test_a_round_robot_turns_evenly_along_its_way(judge: Judge) -> None:
@@ -261,20 +252,6 @@ def test_as_many_landmarks_as_asked_for(landmarks: int, judge: Judge) -> None:
 
 
 # --- what it is made of --------------------------------------------------------------------------------------------
-
-
-def test_robot_and_checker_may_be_given(judge: Judge) -> None:
-    world = wall(2.0)
-    start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
-    small = Robot.disc(0.1)
-    planner = LandmarkPlanner(world, small, seed=0)
-    assert planner.robot == small
-    accepted(judge, world, start, goal, planner.plan(start, goal, LONG, max_iterations=2), small)
-    checker = StateChecker(world, Robot.rectangle(0.4, 0.2))
-    planner = LandmarkPlanner(world, checker=checker, seed=0)
-    assert planner.checker is checker
-    assert planner.robot == checker.robot
-    accepted(judge, world, start, goal, planner.plan(start, goal, LONG, max_iterations=2), checker.robot)
 
 
 # --- bad input -----------------------------------------------------------------------------------------------------

@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
-from tests.support.trials import trials
+from tests.helpers.trials import trials
+from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
 from trailmark import (
     Disc,
     KeepOutZone,
     LandmarkPlanner,
     Path,
-    PlannerSettings,
     PlanResult,
     Rectangle,
     Robot,
@@ -68,26 +67,6 @@ def test_a_path_that_is_blocked_is_led_around(name: str, judge: Judge) -> None:
     judge(planner.world, planner.robot, here, GOAL, states_of(result))
     assert result.cost is not None
     assert result.cost < 1.2 * 0.8 * path.cost
-
-
-@pytest.mark.slow
-def test_a_car_is_led_around(judge: Judge) -> None:
-    robot = ROBOTS["rectangle"].steered(2.0)
-    planner = LandmarkPlanner(OPEN, robot, seed=0, settings=PlannerSettings(patience=1))
-    path = planner.plan(START, GOAL, time_limit=20.0, max_iterations=2).path
-    assert path is not None
-    here = path.at(0.25)
-    planner.update(OPEN.edited(add=[Disc((8.0, 16.0), 1.0)]))
-    result = planner.replan(here, GOAL, path)
-    assert result.kept
-    judge(planner.world, robot, here, GOAL, states_of(result))
-    there = path.at(0.7)[:2]
-    planner.update(planner.world.edited(add=[Disc((float(there[0]), float(there[1])), 1.0)]))
-    result = planner.replan(here, GOAL, path, time_limit=20.0)
-    assert (result.status, result.kept) == ("solved", False)
-    # Chords of arcs that nearly touch the disc cut into it: by less than the judge minds once they are short.
-    assert result.path is not None
-    judge(planner.world, robot, here, GOAL, np.array(result.path.resample(0.003).states))
 
 
 @pytest.mark.slow
@@ -162,25 +141,6 @@ def test_a_direct_motion_is_used_once_it_is_free(name: str) -> None:
     assert LandmarkPlanner(planner.world, robot, seed=0).replan(start, goal, detour).cost == pytest.approx(8.0)
 
 
-@pytest.mark.slow
-def test_what_was_asked_meanwhile_changes_no_answer() -> None:
-    start, goal = (1.0, 8.0, 0.0), (9.0, 8.0, 0.0)
-    planner = LandmarkPlanner(HALL, BODY, seed=0)
-    path = planner.plan(start, goal, time_limit=10.0, max_iterations=1).path
-    other = planner.plan(goal, start, time_limit=10.0, max_iterations=1).path
-    assert path is not None
-    assert other is not None
-    planner.update(HALL.edited(remove=[1]))
-    planner.update(planner.world.edited(add=[Disc((1.0, 1.0), 0.2)]))
-    for asked in (path, other, path):
-        ends = asked.states[0], asked.states[-1]
-        taken = planner.replan(*ends, asked)
-        assert not taken.kept
-        assert taken.cost is not None
-        assert taken.cost < 0.6 * asked.cost
-        assert planner.replan(*ends, taken.path or asked).kept
-
-
 def test_no_path_says_so() -> None:
     planner, path = planner_with_path()
     planner.update(OPEN.edited(add=[Rectangle((25.0, 10.0), 1.0, 20.0)]))
@@ -199,20 +159,6 @@ def test_ends_in_obstacles_are_said() -> None:
     result = planner.replan(START, GOAL, path, escape=True)
     assert (result.status, result.path) == ("infeasible", None)
     assert "the goal overlaps obstacle pallet-7 (disc) by" in result.reason
-
-
-@pytest.mark.slow
-def test_paths_of_others_and_other_goals() -> None:
-    _, path = planner_with_path()
-    other = LandmarkPlanner(OPEN, ROBOTS["rectangle"], seed=1)
-    result = other.replan(path.at(0.5), GOAL, path)
-    assert result.kept
-    moved = GOAL + np.array([0.0, 2.0, 0.0])
-    result = other.replan(path.at(0.5), moved, path)
-    assert (result.status, result.kept, result.reason) == ("solved", False, "the path leads to another goal")
-    # A path through the obstacle, never checked by anyone.
-    result = other.replan(START, GOAL, Path(np.array([START, GOAL])))
-    assert (result.status, result.kept) == ("solved", False)
 
 
 def test_a_robot_beside_its_path_returns_to_it(judge: Judge) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.support.trials import thorough
+from tests.helpers.trials import thorough
 
 from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanResult
 from trailmark.planning.incumbent import GAP

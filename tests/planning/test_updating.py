@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
-from tests.support.trials import trials
+from tests.helpers.trials import trials
+from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
 from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, World
 from trailmark.errors import WorldError
@@ -76,19 +76,6 @@ def test_of_a_grid_map_it_looks_at_the_cells_that_differ() -> None:
         assert anew.checker.valid(nodes).all()
         assert anew.motion.motions_valid(nodes[edges[:, 0]], nodes[edges[:, 1]]).all()
     assert changed > 0
-
-
-def test_blocked_landmarks_leave_and_freed_space_gets_some() -> None:
-    world = World("room", (0.0, 0.0, 30.0, 30.0), (Rectangle((15.0, 15.0), 12.0, 12.0),))
-    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0)
-    planner.build(200)
-    update = planner.update(world.edited(remove=[0]))
-    assert update.landmarks_added > 0
-    inside = np.abs(planner.roadmap.configurations[:, :2] - 15.0).max(axis=1) < 5.0
-    assert inside.any()
-    update = planner.update(planner.world.edited(add=[Disc((15.0, 15.0), 7.0)]))
-    assert update.landmarks_dropped >= np.count_nonzero(inside)
-    assert planner.checker.valid(planner.roadmap.configurations).all()
 
 
 def test_bad_changes_change_nothing() -> None:

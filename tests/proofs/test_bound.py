@@ -11,9 +11,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.helpers.attack_worlds import SHAPES, Attack, abutting, carved, collinear, slit, uneven
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
-from tests.support.trials import few, trials
+from tests.helpers.oracles import Oracle
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
 from trailmark import se2
 from trailmark.collision import StateChecker

@@ -9,9 +9,9 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.cell_oracle import free_somewhere
-from tests.helpers.random_worlds import random_world
-from tests.support.trials import few
+from tests.helpers.oracles import free_somewhere
+from tests.helpers.trials import few
+from tests.helpers.worlds import random_world
 
 from trailmark.collision import StateChecker
 from trailmark.errors import InternalErrorWarning

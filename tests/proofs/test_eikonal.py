@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.helpers.density_oracle import sampled_cost
-from tests.support.trials import few
+from tests.helpers.oracles import sampled_cost
+from tests.helpers.trials import few
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
 from trailmark.motion import Motion, motion_of

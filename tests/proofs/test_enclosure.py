@@ -9,9 +9,9 @@ from time import process_time
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
-from tests.helpers.cell_oracle import free_somewhere
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few, trials
+from tests.helpers.oracles import free_somewhere
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark import se2
 from trailmark.benchmark.public.graded import corner_ends

@@ -12,8 +12,8 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.random_worlds import random_world
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import random_world
 
 from trailmark.proofs.mesh import Mesh, locate, orientation, orientations, shortest_point_path, triangulated
 from trailmark.proofs.region import free_region

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from tests.helpers.oracle import Oracle, motion_states
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.interrupts import interrupted, lines_run, places_run
-from tests.support.trials import few, thorough
+from tests.helpers.interrupts import interrupted, lines_run, places_run
+from tests.helpers.oracles import Oracle, motion_states
+from tests.helpers.trials import few, thorough
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
-from tests.support.trials import few
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
 from trailmark import StateChecker
 from trailmark.landmarks import free_samples

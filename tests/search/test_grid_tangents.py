@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark.collision import StateChecker
 from trailmark.planning.pipeline import disc_path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
+from tests.helpers.oracles import Oracle
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from benchmarks.soundness.campaign import run_chunk
 from benchmarks.soundness.parts import PARTS
-from tests.support.trials import thorough
+from tests.helpers.trials import thorough
 
 CHUNKS: dict[str, tuple[int, ...]] = {
     "states": (3,),

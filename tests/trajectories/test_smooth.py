@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from tests.helpers.random_worlds import random_world
-from tests.support.trajectories import assert_within_limits
-from tests.support.trials import few, trials
+from tests.helpers.oracles import assert_within_limits
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import random_world
 
 from trailmark import (
     ConfigurationError,

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.trajectories import SLACK, assert_within_limits
+from tests.helpers.oracles import SLACK, assert_within_limits
 
 from trailmark import ConfigurationError, CurvePath, Path, Polygon, Steering, se2
 from trailmark.world.zones import SpeedZone

@@ -7,16 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
-from tests.support.trials import trials
 
 from trailmark import se2
-from trailmark.collision import StateChecker
 from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.trajectories import CurvePath
-from trailmark.trajectories.path import Path
 from trailmark.verify import PathAudit, PathAuditor, check_path
 from trailmark.world import Robot, World
 from trailmark.world.zones import KeepOutZone
@@ -187,49 +183,6 @@ def test_a_car_s_curve_is_audited_not_the_chords_of_its_states() -> None:
     assert 0.0 < found.min_clearance < 3e-6
     assert found.max_curvature == pytest.approx(0.25, rel=1e-6)
     assert found.cost == found.length == pytest.approx(2 * math.pi)
-
-
-@pytest.mark.slow
-def test_random_paths_agree_with_dense_sampling() -> None:
-    rng = np.random.default_rng(5)
-    compared = collided = 0
-    for _ in trials(60):
-        obstacles: list[Shape] = []
-        for _ in range(6):
-            x, y = rng.uniform(3, 17, 2)
-            kind = rng.integers(3)
-            if kind == 0:
-                obstacles.append(Disc((x, y), rng.uniform(0.2, 1.5)))
-            elif kind == 1:
-                obstacles.append(Rectangle((x, y), rng.uniform(0.2, 3), rng.uniform(0.2, 3), rng.uniform(-3, 3)))
-            else:
-                radii, angles = rng.uniform(0.3, 2, 8), np.sort(rng.uniform(0, 2 * math.pi, 8))
-                ring = np.column_stack([x + radii * np.cos(angles), y + radii * np.sin(angles)])
-                if shapely.Polygon(ring).is_valid:
-                    obstacles.append(Polygon(ring))
-        robot = (SQUARE, L_ROBOT, Robot.disc(0.4), Robot.rectangle(2.0, 0.3))[rng.integers(4)]
-        states = np.column_stack([rng.uniform(2.5, 17.5, (3, 2)), rng.uniform(-math.pi, math.pi, 3)])
-        auditor = PathAuditor(StateChecker(World("w", BOUNDS, tuple(obstacles)), robot))
-        found = auditor.audit(states)
-        dense = Path(states).resample(0.002)
-        steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense.states[:, :2], axis=0).T))])
-        hit = ~auditor.checker.valid(dense.states)
-        compared += 1
-        collided += not found.free
-        if hit.any():
-            assert not found.free
-            covered = np.zeros(len(hit), dtype=bool)
-            for c in found.collisions:
-                covered |= (steps >= c.begin - 1e-6) & (steps <= c.end + 1e-6)
-            assert covered[hit].all()
-            assert covered.sum() <= hit.sum() + 2 * len(found.collisions)
-            assert found.min_clearance_at == pytest.approx(steps[np.argmax(hit)], abs=0.003)
-        elif found.free:
-            least = auditor.checker.clearance(dense.states).min()
-            assert least - 0.005 <= found.min_clearance <= least + 1e-6
-        else:  # shallow, between two samples
-            assert sum(c.end - c.begin for c in found.collisions) < 0.05
-    assert compared / 4 < collided < 0.87 * compared
 
 
 def test_at_a_single_state_the_robot_stands() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark.errors import WorldError
 from trailmark.shapes import Disc, Polygon, Rectangle

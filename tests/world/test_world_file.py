@@ -10,7 +10,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.support.trials import THOROUGH, few
+from tests.helpers.trials import THOROUGH, few
 
 from trailmark.errors import FormatError, OutputError, TrailmarkError, WorldError
 from trailmark.formats import world_json_schema

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.search.cost_to_go import CostToGo
@@ -217,14 +217,6 @@ def test_where_no_motion_between_valid_nodes_fails_the_cost_is_exact(headings: i
             yield judged, valid_states(judged, 2, rng)
 
     assert cheap_ways(cases(), size, headings)[1] >= 3
-
-
-def test_start_and_goal_may_be_one() -> None:
-    judged = checker("L", 0)
-    q = valid_states(judged, 1, np.random.default_rng(0))[0]
-    way, taken = Lattice(judged, 1.0, 16).find_path(q, q, STRAIGHT, weight=2.0, budget=10)
-    assert np.array_equal(way, [q, q])
-    assert taken == 1
 
 
 @pytest.mark.slow
