@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.helpers.oracles import Oracle
 from tests.helpers.worlds import ROBOTS, box, grown_world, random_states, random_world, short_motions
 
 from trailmark import Query
@@ -183,44 +182,6 @@ def test_without_errors_of_heading_any_robot_is_covered() -> None:
     assert RiskBound(0.9).covers(LONG)
     assert not RiskBound(0.9, POSE, 0.1).covers(LONG)
     StateChecker(World("plain", (0.0, 0.0, 12.0, 10.0), queries=(Query("a", (1, 1, 0), (2, 1, 0)),)), LONG)
-
-
-def test_the_growth_for_the_longer_robot_keeps_the_confidence() -> None:
-    """Against draws of the true obstacle and of where the robot truly is."""
-    rng = np.random.default_rng(0)
-    estimate = ObstacleEstimate(Disc((5.0, 5.0), 1.0), np.diag([0.01, 0.01]))
-    world = regrow(grown(SMALL).with_robot(LONG), 0.95)
-    checker = StateChecker(world)
-    states = rng.uniform([3.0, 3.0, -np.pi], [7.0, 7.0, np.pi], (20_000, 3))
-    states = states[checker.valid(states) & (checker.clearance(states) < 0.02)][:40]
-    assert len(states) == 40
-    hits = 0
-    for q in states:
-        where = rng.multivariate_normal(q, POSE, 200)
-        discs = rng.multivariate_normal((5.0, 5.0), estimate.covariance, 200)
-        turned = (discs - where[:, :2])[:, None] @ np.array(
-            [[np.cos(where[:, 2]), -np.sin(where[:, 2])], [np.sin(where[:, 2]), np.cos(where[:, 2])]]
-        ).transpose(2, 0, 1)
-        outside = np.maximum(np.abs(turned[:, 0]) - (2.0, 0.25), 0.0)
-        hits += int((np.hypot(*outside.T) < 1.0).sum())
-    assert hits <= 0.05 * 40 * 200
-
-
-@pytest.mark.parametrize(
-    "boundary",
-    [
-        box(-100, -100, 200, 200),
-        Polygon(np.array([[1, 1], [9, 1], [9, 7], [5, 2], [1, 7]], dtype=float)),
-        Polygon(np.array([[5, -9], [30, 4], [5, 20], [-20, 4]], dtype=float)),
-    ],
-    ids=["beyond the bounds", "a notch", "across the bounds"],
-)
-def test_a_boundary_is_not_left(boundary: Polygon) -> None:
-    world = World("w", (0, 0, 10, 8), boundary=boundary)
-    for name in ("disc", "rectangle", "L"):
-        scene, oracle = FclScene(world, ROBOTS[name]), Oracle(world, ROBOTS[name])
-        q = random_states(world, 200, np.random.default_rng(2), 1.0)
-        assert not oracle.disagrees(q, np.array([not scene.collides(row) for row in q])).any()
 
 
 @pytest.mark.slow

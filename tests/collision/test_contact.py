@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.helpers.oracles import Oracle
-from tests.helpers.trials import pairs, trials
+from tests.helpers.trials import pairs
 
 from trailmark.collision import StateChecker
 from trailmark.collision.fcl_scene import FclScene
@@ -142,34 +141,6 @@ def test_squares_that_share_edges_and_corners(cell: float | None, origin: tuple[
                 expected[i] = not occupied[first[i, 0] : last[i, 0], first[i, 1] : last[i, 1]].any()
             q = np.column_stack([at / 4 + nudge + shift, quarter * math.pi / 2])
             assert (checker.valid(q) == expected).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", trials(8, of=2))
-def test_lattices_of_diagonals(seed: int) -> None:
-    # Triangles and diamonds with whole coordinates: edges through cell corners, vertices on edges.
-    rng = np.random.default_rng(seed)
-    origin = np.array([(0, 0), (-7, 3), (1e5, -1e5), (4096, -333)][seed % 4], dtype=float)
-    shapes = []
-    for _ in range(12):
-        s = int(rng.integers(1, 4))
-        kind = [
-            [[0, 0], [s, 0], [s, s], [0, s]],
-            [[s, 0], [2 * s, s], [s, 2 * s], [0, s]],
-            [[0, 0], [s, 0], [0, s]],
-            [[0, 0], [2 * s, s], [s, 2 * s]],
-        ][int(rng.integers(4))]
-        shapes.append(Polygon(np.array(kind) + rng.integers(0, 12, 2) + origin))
-    world = World("diagonals", (*origin, *(origin + 12)), tuple(shapes))
-    for robot in (Robot.rectangle(0.5, 0.25), Robot.disc(0.25), Robot.rectangle(1, 1), Robot.polygon(SQUARE[:3])):
-        distance, column = int(rng.integers(1, 12)), int(rng.integers(2, 40))
-        checker = StateChecker(world, robot, cell=distance / (column - 0.8137))
-        at = rng.integers(0, 97, (1500, 2)) / 8 + origin
-        q = np.column_stack([at, rng.integers(-3, 5, 1500) * math.pi / 4])
-        oracle, valid = Oracle(world, robot), checker.valid(q)
-        assert not oracle.disagrees(q, valid).any()
-        # Contact is exact here, so all that does not collide by the band must be valid, touching included.
-        assert (valid == ~oracle.collides(q)).all()
 
 
 @pytest.mark.parametrize("half", [5.0, 0.5, 0.05, 0.01])

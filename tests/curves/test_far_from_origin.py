@@ -130,14 +130,3 @@ def test_lengths_are_right_for_a_goal_within_rounding(origin: tuple[float, float
         # That of a goal as near as rounding, and no full circle more where one of them needs none.
         assert least - 1e-6 * radius <= length <= most + 1e-6 * radius, (a, b, length, least)
         assert length <= least + 1e-4 * radius, (a, b, length, least)
-
-
-def test_a_single_arc_in_utm_coordinates_is_one() -> None:
-    """The issue's own figures: a quarter of a circle at (5e5, 4.5e6) had a whole circle more for 24 of 40 headings."""
-    steering = Steering(1.0, reverse=False)
-    for heading in np.linspace(-3.1, 3.1, 40):
-        a = np.array([5e5, 4.5e6, heading])
-        for side in (1, -1):
-            b = driven(a, (side,), np.array([math.pi / 2]), 1.0)
-            assert steering.lengths(a, b) == pytest.approx(math.pi / 2, abs=1e-6)
-            assert steering.curves(a, b).names() == ["L+" if side > 0 else "R+"]

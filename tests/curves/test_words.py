@@ -11,7 +11,7 @@ from tests.helpers.trials import trials
 from trailmark import se2
 from trailmark.curves.dubins import dubins_words
 from trailmark.curves.reeds_shepp import reeds_shepp_words
-from trailmark.curves.words import copy_word, drive, rounding, seen_from, unit_length, walk
+from trailmark.curves.words import rounding, seen_from, unit_length, walk
 
 WORDS = {"dubins": dubins_words, "reeds-shepp": reeds_shepp_words}
 
@@ -73,30 +73,3 @@ def test_words_drive_as_a_car_does(kind: str) -> None:
             walk(a, word, radius, along, q)
             assert -math.pi < q[2] <= math.pi
             assert np.abs(se2.difference(integrated(a, word[1], ways, radius), q)).max() < 1e-7
-
-
-def test_a_reversed_word_leads_back() -> None:
-    rng = np.random.default_rng(5)
-    for _ in range(100):
-        a, b = rng.uniform((-3, -3, -math.pi), (3, 3, math.pi), (2, 3))
-        for word in words_to("reeds-shepp", a, b, 1.0):
-            end, back = np.empty(3), np.empty((2, 5))
-            copy_word(word, True, back)
-            walk(b, back, 1.0, math.inf, end)
-            assert np.abs(se2.difference(end, a)).max() < 1e-9
-            assert unit_length(back) == pytest.approx(unit_length(word), abs=1e-12)
-
-
-@pytest.mark.parametrize("way", [1e-300, 1e-12, 1e-6, 0.5, -0.5, 40.0])
-@pytest.mark.parametrize("radius", [1e-3, 1.0, 1e4])
-def test_arcs_short_and_long(way: float, radius: float) -> None:
-    for side in (-1.0, 0.0, 1.0):
-        x, y, theta = drive(1.0, 2.0, 0.3, side, way, radius)
-        assert theta == pytest.approx(0.3 + side * way / radius, rel=1e-12, abs=1e-12)
-        if side == 0.0:
-            assert (x, y) == pytest.approx((1.0 + way * math.cos(0.3), 2.0 + way * math.sin(0.3)), abs=1e-12)
-        else:
-            # On a circle about a centre to the left or right.
-            cx, cy = 1.0 - side * radius * math.sin(0.3), 2.0 + side * radius * math.cos(0.3)
-            assert math.hypot(x - cx, y - cy) == pytest.approx(radius, rel=1e-10)
-            assert abs(math.hypot(x - 1.0, y - 2.0)) <= abs(way) * (1.0 + 1e-12) + 1e-15

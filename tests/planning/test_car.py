@@ -12,11 +12,12 @@ import pytest
 from tests.helpers.oracles import Oracle
 from tests.helpers.worlds import ROBOTS, random_world
 
+from trailmark import Objective
 from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.shapes import Disc
+from trailmark.shapes import Disc, Rectangle
 from trailmark.trajectories import CurvePath
 from trailmark.verify import check_path
 from trailmark.world import Query, Robot, World
@@ -182,3 +183,58 @@ def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
     alone, beside = (planner.plan_many(known[:, 0], known[:, 1], 2.0, max_iterations=1, workers=n) for n in (1, 2))
     assert len(planner.roadmap) == nodes
     assert [result.cost for result in alone] == [result.cost for result in beside]
+
+
+# A slot for parking, 1.6 m longer than the car.
+SLOT_WALLS = (Rectangle((4.0, 2.0), 8.0, 2.0), Rectangle((17.6, 2.0), 8.0, 2.0), Rectangle((10.0, 0.4), 20.0, 0.8))
+
+
+SLOT_WORLD = World("slot", (0.0, 0.0, 20.0, 8.0), SLOT_WALLS, Robot.rectangle(4.0, 1.8).steered(4.0))
+
+
+SLOT, ROAD = np.array([10.8, 1.9, 0.0]), np.array([4.0, 5.0, 0.0])
+
+
+def planned_in_slot(objective: Objective | str | None = None, start: Any = ROAD, goal: Any = SLOT) -> PlanResult:
+    planner = LandmarkPlanner(SLOT_WORLD, seed=0, objective=objective)
+    result = planner.plan(start, goal, time_limit=60.0, max_iterations=2)
+    assert isinstance(result.path, CurvePath)
+    assert np.array_equal(result.path.knots[[0, -1]], [start, goal])
+    assert not Oracle(SLOT_WORLD, planner.robot).collides(result.path.resample(0.01).states).any()
+    return result
+
+
+@pytest.fixture(scope="module")
+def paid() -> PlanResult:
+    return planned_in_slot()
+
+
+@pytest.mark.slow
+def test_changes_of_direction_are_what_a_driver_avoids_by_default(paid: PlanResult) -> None:
+    plain = planned_in_slot("length")
+    assert isinstance(paid.path, CurvePath)
+    assert isinstance(plain.path, CurvePath)
+    assert paid.path.cusps < plain.path.cusps
+    assert plain.cost == plain.path.length
+    assert plain.objective is None
+    assert paid.cost == pytest.approx(paid.path.length + 3.0 * paid.path.cusps + 0.5 * paid.path.reverse_length)
+    assert paid.lower_bound is not None
+    assert paid.cost is not None
+    assert paid.lower_bound <= paid.cost
+    record = paid.to_dict("slot")
+    assert record["direction_changes"] == paid.path.cusps
+    assert record["reverse_length"] == paid.path.reverse_length
+    assert record["objective"]["direction_change"] == 3.0
+
+
+@pytest.mark.slow
+def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
+    planner, before = LandmarkPlanner(SLOT_WORLD, seed=0, landmarks=50), paid.path
+    assert before is not None
+    for result in (
+        planner.plan_many([ROAD], [SLOT], 20.0, max_iterations=1)[0],
+        planner.replan(ROAD, SLOT, before, 20.0),
+    ):
+        path = result.path
+        assert isinstance(path, CurvePath)
+        assert result.cost == pytest.approx(path.length + 3.0 * path.cusps + 0.5 * path.reverse_length)

@@ -17,7 +17,6 @@ from tests.helpers.worlds import random_world
 from trailmark.collision import StateChecker
 from trailmark.planning.pipeline import disc_path
 from trailmark.proofs import LowerBound
-from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
@@ -72,13 +71,3 @@ def test_ways_are_free_and_as_short_as_bounds_tell(seed: int, radius: float, bou
     # What is known to be no shorter does not change the way, but for rounding; what is known to be shorter, ends it.
     again = judged(world, radius, start, goal, length(way) * (1.0 + 1e-9))
     assert length(again) == pytest.approx(length(way))
-
-
-def test_gaps_are_taken_with_little_to_spare_and_missed_with_none() -> None:
-    start, goal = np.array([2.0, 5.0]), np.array([18.0, 5.0])
-    for width, found in ((1.0 + 0.01, True), (1.0, False), (0.99, False)):
-        depth = 5.0 - 0.5 * width
-        walls = (Rectangle((10.0, 0.5 * depth), 1.0, depth), Rectangle((10.0, 10.0 - 0.5 * depth), 1.0, depth))
-        world = World("slit", (0.0, 0.0, 20.0, 10.0), walls)
-        way = judged(world, 0.5, start, goal)
-        assert length(way) == pytest.approx(16.0 if found else 0.0)

@@ -51,16 +51,6 @@ def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
     assert met > few(20, of=2)
 
 
-def test_it_is_the_shortest_to_a_single_obstacle() -> None:
-    for robot in (ROBOTS["disc"], ROBOTS["rectangle"]):
-        checker = StateChecker(WALL, robot)
-        for start in ([9.2, 4.0, 0.2], [10.9, 2.0, 0.0], [10.0, 5.8, 1.0]):
-            out = way_out(checker, np.array(start))
-            assert out is not None
-            depth = Penetration(robot.footprint, WALL.obstacles[0]).at(np.array([start]))[0]
-            assert np.hypot(*(out[-1] - out[0])[:2]) == pytest.approx(depth, abs=1e-4)
-
-
 def test_a_car_drives_out() -> None:
     robot = ROBOTS["rectangle"].steered(2.0)
     checker = StateChecker(WALL, robot)

@@ -6,12 +6,14 @@ import itertools
 from dataclasses import replace
 from functools import cache
 from math import pi
+from typing import Any
 
 import numpy as np
 import pytest
 from tests.helpers.trials import trials
 
 from trailmark import (
+    Disc,
     Goal,
     LandmarkPlanner,
     PlannerSettings,
@@ -178,15 +180,6 @@ def test_it_is_infeasible_only_if_each_goal_is() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["rectangle", "disc", "car"])
-def test_goals_that_are_blocked_as_a_whole_are_infeasible(robot: str) -> None:
-    world = room(robot)
-    wall, outside = Goal((5.0, 4.0), 0.1), Goal((99.0, 2.0))
-    assert plan(world, wall).status == plan(world, outside, wall).status == "infeasible"
-    assert plan(world, outside, Goal((8.5, 2.0)), seconds=20.0, rounds=1).status == "solved"
-
-
-@pytest.mark.slow
 def test_a_goal_beside_which_there_is_room_is_not_proven_blocked() -> None:
     # The reference point lies outside of the footprint: in a wall, it blocks nothing.
     ahead = Robot.polygon(np.array([[0.5, -0.1], [0.8, -0.1], [0.8, 0.1], [0.5, 0.1]]))
@@ -221,3 +214,46 @@ def test_a_point_that_nothing_leads_to_is_proven_so_whatever_the_heading(robot: 
     assert several.status == "solved"
     assert several.goal is not None
     assert several.goal.index == 1
+
+
+NEAR, FAR = Goal((5.0, 1.0), position_tolerance=0.3), Goal((8.5, 8.5, 1.0))
+
+
+def room_planner() -> LandmarkPlanner:
+    wall = Rectangle((5.0, 5.0), 4.0, 0.3)
+    return LandmarkPlanner(World("room", (0, 0, 10, 10), (wall,), Robot.rectangle(0.6, 0.4)), seed=1)
+
+
+@pytest.mark.slow
+def test_it_leads_to_another_goal_where_its_own_is_blocked() -> None:
+    plans = room_planner()
+    path = plans.plan(START, [NEAR, FAR], 0.3).path
+    assert path is not None
+    plans.update(plans.world.edited(add=[Disc((5.0, 1.0), 0.8)]))
+    result = plans.replan(START, [NEAR, FAR], path, improvement=0.1)
+    assert result.path is not None
+    assert result.goal is not None
+    assert result.goal.index == 1
+    assert FAR.contains(result.path.states[-1])
+    assert "blocked" in result.reason
+    # A goal given up is no longer led to.
+    other = plans.replan(START, FAR, path)
+    assert other.goal is not None
+    assert other.reason == "the path leads to another goal"
+    with pytest.raises(ConfigurationError, match="is not valid"):
+        plans.replan(START, Goal((5.0, 5.0, 0.0)), path)
+
+
+@pytest.mark.slow
+def test_many_queries_may_have_goals() -> None:
+    plans = room_planner()
+    goals: list[Any] = [(5.0, 1.0, 0.0), [NEAR, FAR], FAR, (8.5, 1.0, 0.0)]
+    results = plans.plan_many(np.tile(START, (4, 1)), goals, 0.3)
+    assert [r.status for r in results] == 4 * ["solved"]
+    assert [None if r.goal is None else r.goal.index for r in results] == [None, 0, 0, None]
+    for result, goal in zip(results, goals, strict=True):
+        assert result.path is not None
+        if isinstance(goal, tuple):
+            assert np.array_equal(result.path.states[-1], goal)
+    with pytest.raises(ConfigurationError, match="goals: expected 4, as many as starts, got 2"):
+        plans.plan_many(np.tile(START, (4, 1)), [NEAR, FAR], 0.3)

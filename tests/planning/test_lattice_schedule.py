@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.helpers.oracles import judge
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
@@ -24,24 +23,10 @@ from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
-Judge = Callable[..., float]
-
-CAR = Robot.rectangle(1.0, 0.6)
-WALL = World("wall", (0, 0, 20, 20), (Rectangle((10.0, 11.0), 1.0, 12.0),))
-"""A wall with 5 m below it and 3 m above."""
-
-ACROSS = np.array([[5.0, 10.0, 0.0], [15.0, 10.0, 0.0]])
 
 
 def scheduled(checker: StateChecker, ends: FloatArray, cell: float = 0.5, seconds: float = math.inf) -> LatticeSchedule:
     return LatticeSchedule(motion_of(checker), np.array(ends), cell, lambda: seconds)
-
-
-def cost(states: FloatArray) -> float:
-    return sum(
-        math.dist(a[:2], b[:2]) + 0.5 * abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
-        for a, b in pairwise(states)
-    )
 
 
 @pytest.mark.slow
@@ -53,7 +38,7 @@ def cost(states: FloatArray) -> float:
     headings=st.sampled_from([None, (0.0, math.pi), (math.pi, 0.0), (math.pi / 2, -math.pi / 2), (math.pi, math.pi)]),
 )
 def test_paths_are_certified_and_repeatable(
-    judge: Judge, name: str, world: int, seed: int, headings: tuple[float, float] | None
+    name: str, world: int, seed: int, headings: tuple[float, float] | None
 ) -> None:
     checker = StateChecker(
         random_world(world, 30, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2), ROBOTS[name], cell=0.2
@@ -83,7 +68,7 @@ def test_paths_are_certified_and_repeatable(
             assert checker.motions_valid(states[:-1], states[1:]).all()
 
 
-def test_half_a_turn_on_the_way_back_is_another_motion(judge: Judge, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_half_a_turn_on_the_way_back_is_another_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     # Beside a wall there is room to turn one way only: half a turn goes counter-clockwise, there and back.
     robot = Robot.polygon([(-0.3, -0.3), (3.0, -0.3), (3.0, 0.3), (-0.3, 0.3)])
     world = World("beside", (0, 0, 20, 20), (Rectangle((10.0, 3.9), 20.0, 1.0),))
@@ -102,21 +87,3 @@ def test_half_a_turn_on_the_way_back_is_another_motion(judge: Judge, monkeypatch
     lattices = scheduled(checker, np.array([down, up]))
     lattices.views = len(schedule.VIEWS)
     assert len(lattices.other_path(np.random.default_rng(0), 100.0)) == 0
-
-
-def test_other_looks_find_other_ways_around(judge: Judge) -> None:
-    # Above, where the robot may pass, it is tighter and longer; below it is the shortest path.
-    checker = StateChecker(WALL, CAR)
-    lattices, rng = scheduled(checker, ACROSS), np.random.default_rng(0)
-    below = cost(np.array([ACROSS[0], [9.2, 4.5, 0.0], [10.8, 4.5, 0.0], ACROSS[1]]))
-    known = cost(np.array([ACROSS[0], [9.2, 17.5, 0.0], [10.8, 17.5, 0.0], ACROSS[1]]))
-    costs = []
-    for _ in range(2 * len(schedule.VIEWS) + 2):
-        states = lattices.other_path(rng, known)
-        assert len(states)
-        costs.append(judge(WALL, CAR, ACROSS[0], ACROSS[1], states))
-        assert costs[-1] <= schedule.DETOUR * known + 1e-6
-    # Better than the way that is known, by going around the other side.
-    assert 0.9 * below < min(costs) < 1.05 * below < known
-    # What is shorter than any way there is keeps the search from all of them.
-    assert len(lattices.other_path(rng, 0.7 * below)) == 0

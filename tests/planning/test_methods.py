@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import Any
 
-import networkx as nx
 import numpy as np
 import pytest
-from tests.helpers.oracles import Oracle
 
 from trailmark import LandmarkPlanner
-from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.planning import PlannerSettings, PlanResult
 from trailmark.planning.incumbent import GAP
-from trailmark.planning.placement import path_over_landmarks
 from trailmark.planning.settings import METHODS, STAGES
 from trailmark.shapes import Rectangle
-from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
 
 WALLS = (Rectangle((4.0, 1.5), 0.5, 3.0), Rectangle((8.0, 4.5), 0.5, 3.0))
@@ -80,28 +74,3 @@ def test_the_planner_does_without_any_one_stage(stage: str, robot: str) -> None:
 def test_wrong_names_are_refused(wrong: dict[str, Any], match: str) -> None:
     with pytest.raises(ConfigurationError, match=match):
         PlannerSettings(**wrong)
-
-
-CROSSING = World("crossing", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 3.0), 1.0, 6.0),))
-"""A wall with 4 m above it."""
-
-
-def test_a_path_over_landmarks_leads_over_them_alone_and_is_the_shortest() -> None:
-    robot = Robot.rectangle(1.0, 0.5)
-    checker = StateChecker(CROSSING, robot)
-    landmarks = np.array([[5.0, 5.0, 0.0], [9.0, 8.0, 0.3], [11.0, 8.0, 0.0], [15.0, 5.0, 0.0], [10.0, 9.0, 0.0]])
-    start, goal = (2.0, 2.0, 0.0), (18.0, 2.0, 0.0)
-    roadmap, path = path_over_landmarks(checker, landmarks, start, goal)
-    assert path is not None
-    nodes = np.vstack([landmarks, start, goal])
-    assert all((nodes == state).all(axis=1).any() for state in path.states)
-    assert np.array_equal(path.states[[0, -1]], [start, goal])
-    assert not Oracle(CROSSING, robot).collides(path.resample(0.02).states).any()
-    # All pairs of so few nodes are edges: every simple path over certified ones, by networkx.
-    graph = nx.Graph()
-    for i, j in combinations(range(len(nodes)), 2):
-        if checker.motions_valid(nodes[[i]], nodes[[j]])[0]:
-            graph.add_edge(i, j, cost=Path(nodes[[i, j]]).cost)
-    best = nx.shortest_path_length(graph, 5, 6, weight="cost")
-    assert path.cost == pytest.approx(best, abs=1e-9)
-    assert len(roadmap) == len(nodes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.helpers.oracles import judge
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
@@ -18,13 +18,8 @@ from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.motion import motion_of
 from trailmark.planning.shortening import without_needless
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
-Judge = Callable[..., float]
-
-WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
 
 
 def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:
@@ -62,9 +57,7 @@ def cost(states: FloatArray) -> float:
     seed=st.integers(0, 10_000),
     n=st.integers(1, 40),
 )
-def test_what_is_left_is_a_certified_path_over_some_of_the_vertices(
-    judge: Judge, name: str, world: int, seed: int, n: int
-) -> None:
+def test_what_is_left_is_a_certified_path_over_some_of_the_vertices(name: str, world: int, seed: int, n: int) -> None:
     checker = StateChecker(
         random_world(world, 25, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2), ROBOTS[name], cell=0.2
     )
@@ -82,16 +75,3 @@ def test_what_is_left_is_a_certified_path_over_some_of_the_vertices(
     assert cost(short) <= cost(path) + 1e-9
     # None of the vertices that are left could be left out.
     assert not checker.motions_valid(short[:-2], short[2:]).any()
-
-
-@pytest.mark.parametrize("before", range(1, 12))
-@pytest.mark.parametrize("after", [1, 2, 3, 7])
-def test_the_corner_of_an_angle_is_kept(before: int, after: int) -> None:
-    # Around the only corner of a wall there is but one vertex to see both ends from, however many there are.
-    checker = StateChecker(World("corner", (0, 0, 20, 20), (Rectangle((7.0, 7.0), 14.0, 14.0),)), Robot.disc(1.0))
-    corner = np.array([16.0, 16.0, 0.0])
-    up = np.linspace((16.0, 2.0, 0.0), corner, before, endpoint=False)
-    left = np.linspace((2.0, 16.0, 0.0), corner, after, endpoint=False)[::-1]
-    path = np.concatenate([up, corner[None], left])
-    assert np.array_equal(fewer(checker, path), [path[0], corner, path[-1]])
-    assert np.array_equal(fewer(checker, np.ascontiguousarray(path[::-1])), [path[-1], corner, path[0]])

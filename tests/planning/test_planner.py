@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.helpers.oracles import judge
 from tests.helpers.trials import QUICK
 from tests.helpers.worlds import ROBOTS, random_world
 
@@ -20,7 +19,6 @@ from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
-Judge = Callable[..., float]
 LONG = 60.0
 """Seconds: a limit that no test should reach, where rounds are limited instead."""
 
@@ -40,7 +38,7 @@ def bend(width: float, robot: Robot, size: float = 10.0) -> World:
     return World("bend", (0, 0, size, size), (Polygon(inner),), robot)
 
 
-def accepted(judge: Judge, world: World, start: Any, goal: Any, result: PlanResult, robot: Robot | None = None) -> None:
+def accepted(world: World, start: Any, goal: Any, result: PlanResult, robot: Robot | None = None) -> None:
     """Assert that a result is solved, and true in all that it says about its path."""
     assert result.status == "solved"
     assert result.path is not None
@@ -60,12 +58,9 @@ def accepted(judge: Judge, world: World, start: Any, goal: Any, result: PlanResu
     assert 0.0 <= seconds[-1] <= (result.time["total"] or 0.0)
 
 
-# --- paths ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "name"), list(enumerate(ROBOTS)))
-def test_paths_in_random_worlds(seed: int, name: str, judge: Judge) -> None:
+def test_paths_in_random_worlds(seed: int, name: str) -> None:
     robot = ROBOTS[name]
     world = random_world(seed, 40, size=40.0, discs=0.3, holes=0.2, boundary=seed % 2 == 1)
     planner = LandmarkPlanner(world, robot, seed=seed, settings=QUICK)
@@ -75,29 +70,29 @@ def test_paths_in_random_worlds(seed: int, name: str, judge: Judge) -> None:
     for start, goal in pairwise(q):
         result = planner.plan(start, goal, LONG, max_iterations=2)
         if result.status == "solved":
-            accepted(judge, world, start, goal, result, robot)
+            accepted(world, start, goal, result, robot)
             solved += 1
         else:
             assert result.path is None
     assert solved >= 2
 
 
-def test_a_straight_motion_is_the_answer_where_it_is_free(judge: Judge) -> None:
+def test_a_straight_motion_is_the_answer_where_it_is_free() -> None:
     start, goal = (2.0, 2.0, 3.0), (8.0, 5.0, -3.0)
     world = World("open", (0, 0, 10, 10), (Disc((9.0, 1.0), 0.5),), CAR)
     result = LandmarkPlanner(world, seed=0).plan(start, goal)
-    accepted(judge, world, start, goal, result)
+    accepted(world, start, goal, result)
     assert result.path is not None
     assert len(result.path) == 2
     assert result.cost == result.lower_bound
     assert len(result.history) == 1
 
 
-def test_a_round_robot_turns_evenly_along_its_way(judge: Judge) -> None:
+def test_a_round_robot_turns_evenly_along_its_way() -> None:
     robot = Robot.disc(0.4)
     start, goal = (5.0, 2.0, 2.5), (15.0, 2.0, -2.5)
     result = LandmarkPlanner(wall(1.0), robot, seed=1).plan(start, goal, LONG, max_iterations=3)
-    accepted(judge, wall(1.0), start, goal, result, robot)
+    accepted(wall(1.0), start, goal, result, robot)
     assert result.path is not None
     states = result.path.states
     assert len(states) > 2
@@ -110,7 +105,7 @@ def test_a_round_robot_turns_evenly_along_its_way(judge: Judge) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("heading", [math.pi / 2, 0.7])
-def test_start_and_goal_in_contact(heading: float, judge: Judge) -> None:
+def test_start_and_goal_in_contact(heading: float) -> None:
     # A block at any angle, the robot's side flush with it, on one side at the start and on the other at the goal.
     across = np.array([-math.sin(heading), math.cos(heading)])
     block = Rectangle((10.0, 10.0), 3.0, 2.0, heading)
@@ -120,32 +115,26 @@ def test_start_and_goal_in_contact(heading: float, judge: Judge) -> None:
     assert checker.clearance(start) < 1e-9
     assert checker.clearance(goal) < 1e-9
     result = LandmarkPlanner(world, seed=0, settings=QUICK).plan(start, goal, LONG, max_iterations=1)
-    accepted(judge, world, start, goal, result)
+    accepted(world, start, goal, result)
     assert result.min_clearance == pytest.approx(0.0, abs=1e-6)
-
-
-# --- hard and impossible -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gap", [0.63, 0.8])
-@pytest.mark.parametrize("seed", range(2))
-def test_a_gap_hardly_wider_than_the_robot(gap: float, seed: int, judge: Judge) -> None:
+def test_a_gap_hardly_wider_than_the_robot(gap: float) -> None:
     start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
-    world = wall(gap)
-    result = LandmarkPlanner(world, seed=seed).plan(start, goal, LONG, max_iterations=12, gap=math.inf)
-    accepted(judge, world, start, goal, result)
+    result = LandmarkPlanner(wall(gap), seed=0).plan(start, goal, LONG, max_iterations=12, gap=math.inf)
+    accepted(wall(gap), start, goal, result)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_a_bend_that_asks_for_turning_on_the_way(seed: int, judge: Judge) -> None:
+def test_a_bend_that_asks_for_turning_on_the_way() -> None:
     # A rod of length l and width w gets round a bend of width c if l + 2 w <= 2 sqrt(2) c; here with 6 % to spare.
     robot = Robot.rectangle(2.4, 0.3)
     world = bend(1.13, robot)
     start, goal = (1.5, 0.565, 0.0), (9.435, 8.5, math.pi / 2)
-    result = LandmarkPlanner(world, seed=seed).plan(start, goal, LONG, max_iterations=12, gap=math.inf)
-    accepted(judge, world, start, goal, result)
+    result = LandmarkPlanner(world, seed=0).plan(start, goal, LONG, max_iterations=12, gap=math.inf)
+    accepted(world, start, goal, result)
 
 
 def test_what_is_closed_is_proven_infeasible() -> None:
@@ -174,25 +163,6 @@ def test_what_only_headings_close_is_proven_infeasible() -> None:
         result = LandmarkPlanner(world, seed=0).plan(start, goal, LONG, max_iterations=2)
         assert result.status == "infeasible"
         assert (result.path, result.lower_bound) == (None, None)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("limit", [0.05, 0.2])
-def test_the_time_limit_is_kept(limit: float) -> None:
-    # The inscribed disc gets round the bend, the robot does not, by half a percent: no proof so soon, no path.
-    planner = LandmarkPlanner(bend(1.055, Robot.rectangle(2.4, 0.3)), seed=0)
-    # Measured as processor time, which other programs on the machine do not add to.
-    begin = time.process_time()
-    result = planner.plan((3.0, 0.5, 0.0), (9.5, 7.0, math.pi / 2), limit)
-    assert time.process_time() - begin < limit + 0.3
-    assert result.status == "timeout"
-    assert result.path is None
-    assert (result.time["total"] or 0.0) >= limit
-    assert result.lower_bound is not None
-    assert result.lower_bound >= math.dist((3.0, 0.5), (9.5, 7.0)) + math.pi / 4 - 1e-6
-
-
-# --- seeds, progress, reuse ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -233,28 +203,17 @@ def test_progress_is_reported() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("landmarks", [1, 30, 300])
-def test_as_many_landmarks_as_asked_for(landmarks: int, judge: Judge) -> None:
-    world = wall(2.0)
+@pytest.mark.parametrize("landmarks", [1, 300])
+def test_as_many_landmarks_as_asked_for(landmarks: int) -> None:
+    world, start, goal = wall(2.0), (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
     planner = LandmarkPlanner(world, seed=0, landmarks=landmarks, settings=QUICK)
-    assert len(planner.roadmap) == 0
     roadmap = planner.build()
     assert roadmap is planner.roadmap
     assert 0.9 * landmarks <= len(roadmap) <= landmarks
-    assert len(roadmap.graph) == len(roadmap)
-    start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
-    accepted(judge, world, start, goal, planner.plan(start, goal, LONG, max_iterations=3))
+    accepted(world, start, goal, planner.plan(start, goal, LONG, max_iterations=3))
     # Without build() the first query builds.
     lazy = LandmarkPlanner(world, seed=0, landmarks=landmarks, settings=QUICK)
-    result = lazy.plan(start, goal, LONG, max_iterations=3)
-    assert np.array_equal(lazy.roadmap.configurations[: len(roadmap)], roadmap.configurations[: len(roadmap)])
-    assert (result.time["build"] or 0.0) > 0.0
-
-
-# --- what it is made of --------------------------------------------------------------------------------------------
-
-
-# --- bad input -----------------------------------------------------------------------------------------------------
+    assert (lazy.plan(start, goal, LONG, max_iterations=3).time["build"] or 0.0) > 0.0
 
 
 @pytest.mark.parametrize(
@@ -262,12 +221,9 @@ def test_as_many_landmarks_as_asked_for(landmarks: int, judge: Judge) -> None:
     [
         ((10.0, 2.0, 0.0), (2, 2, 0), r"start \(10, 2, 0\) is not valid: .* overlaps obstacle 0 \(rectangle\) by \d"),
         ((2, 2, 0), (10.0, 9.5, 0.0), r"goal \(10, 9.5, 0\) is not valid: .* overlaps obstacle 1 \(rectangle\) by \d"),
-        ((0.3, 2.0, 0.0), (2, 2, 0), r"start .* \(rectangle 1 x 0.6 m\) reaches 0.2 m over the left bound"),
         ((2, 2, 0), (30.0, 2.0, 0.0), r"goal .* reaches 10.5 m over the right bound"),
         ((2, 2), (2, 2, 0), r"start: expected shape \(3,\) or \(n, 3\) for x, y, theta, got \(2,\)"),
-        ((2, 2, 0), [(2, 2, 0)], r"goal: expected shape \(3,\), got \(1, 3\)"),
         ((2, 2, math.nan), (2, 2, 0), r"start: \[2.0, 2.0, nan\] holds a value that is not a finite number"),
-        ((2, 2, 0), "here", r"goal: 'here' is not an array of numbers x, y, theta"),
     ],
 )
 def test_ends_that_cannot_be(start: Any, goal: Any, said: str) -> None:
@@ -314,20 +270,6 @@ def test_planning_ends_once_the_path_is_proven_good_enough() -> None:
         assert result.time["total"] < 600.0  # before the limit
     with pytest.raises(ConfigurationError, match="gap"):
         LandmarkPlanner(world, seed=0).plan(start, goal, gap=-0.1)
-
-
-def test_planning_can_be_stopped_and_tells_what_it_has() -> None:
-    world = World("open", (0, 0, 20, 20), (Rectangle((10.0, 10.0), 1.0, 15.0),), Robot.rectangle(1.0, 0.6))
-    seen: list[PlanProgress] = []
-    result = LandmarkPlanner(world, seed=0).plan(
-        (3, 10, 0), (17, 10, 0), 600.0, gap=0.0, on_progress=seen.append, stop=lambda: any(s.path for s in seen)
-    )
-    assert result.status == "solved"
-    assert result.time["total"] is not None
-    assert result.time["total"] < 600.0  # before the limit
-    told = [s.path.cost for s in seen if s.path is not None]
-    assert told == sorted(told, reverse=True)
-    assert result.cost == pytest.approx(told[-1])
 
 
 @pytest.mark.slow

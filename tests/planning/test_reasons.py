@@ -28,12 +28,6 @@ BLOCK = World("block", (0.0, 0.0, 12.0, 8.0), (Rectangle((6.0, 4.0), 4.0, 4.0),)
 SPLIT = World("split", (0.0, 0.0, 12.0, 8.0), (Rectangle((5.5, 4.0), 1.0, 8.0),))
 
 
-def door(width: float) -> World:
-    """Return two rooms and a door at y = 3.5 in the wall between them, 1 m thick."""
-    walls = Rectangle((5.5, 1.75), 1.0, 3.5), Rectangle((5.5, 5.75 + 0.5 * width), 1.0, 4.5 - width)
-    return World("door", (0.0, 0.0, 12.0, 8.0), walls)
-
-
 def planned(world: World, robot: Robot, goal: Any, start: Any = START, clearance: float | None = None) -> PlanResult:
     """Return what a round of landmarks comes to, with time to spare: what is said depends on no clock."""
     return LandmarkPlanner(world, robot, seed=0, clearance=clearance).plan(start, goal, 60.0, max_iterations=1)
@@ -71,38 +65,6 @@ def test_a_sliver_of_a_goal_that_is_free_is_no_proof() -> None:
     result = planned(world, Robot.disc(0.25), goal)
     assert result.status != "infeasible"
     assert result.path is None or goal.contains(result.path.states[-1])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("start", "goal", "end"), [(START, BEHIND, "start"), (BEHIND, START, "goal")])
-def test_the_widest_way_is_told(start: tuple[float, ...], goal: tuple[float, ...], end: str) -> None:
-    result = planned(door(0.5), Robot.disc(0.3), goal, start=start)
-    assert result.status == "infeasible"
-    # The smaller of the two rooms counts as the one that is shut.
-    for words in (f"shut in at the {end}", "about 0.50 m", "at (5.50, 3.75)", "holds one of 0.60 m"):
-        assert words in result.reason
-    kept = planned(door(0.5), Robot.disc(0.2), BEHIND, clearance=0.1)
-    assert "0.60 m, with the clearance" in kept.reason
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "robot",
-    [
-        Robot.disc(0.25),
-        Robot.disc(0.2).keeping(0.05),
-        Robot.rectangle(0.8, 0.5),
-        Robot.rectangle(0.8, 0.5).differential(),
-        Robot.rectangle(0.8, 0.5).steered(0.5),
-        Robot.polygon(np.array([(0.0, -0.3), (0.5, 0.0), (0.0, 0.3)])),
-    ],
-)
-def test_what_fits_only_in_contact_is_said_to(robot: Robot) -> None:
-    result = planned(door(0.5), robot, BEHIND)
-    assert result.status == "timeout"
-    assert re.search(r"1 rounds.*only in contact.* is 0\.5 m wide at \(5\.50, 3\.75\).* needs 0\.5 m", result.reason)
-    wider = planned(door(0.5004), robot, BEHIND)
-    assert "contact" not in wider.reason
 
 
 @pytest.mark.slow

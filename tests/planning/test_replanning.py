@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.helpers.oracles import judge
 from tests.helpers.trials import trials
 from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
@@ -22,7 +22,6 @@ from trailmark import (
 )
 from trailmark.errors import ConfigurationError
 
-Judge = Callable[..., float]
 OPEN = World("field", (0.0, 0.0, 40.0, 20.0), (Rectangle((20.0, 4.0), 2.0, 8.0),))
 START, GOAL = np.array([2.0, 3.0, 0.0]), np.array([38.0, 3.0, 0.0])
 
@@ -41,7 +40,7 @@ def states_of(result: PlanResult) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
-def test_a_path_that_no_change_touches_is_kept(name: str, judge: Judge) -> None:
+def test_a_path_that_no_change_touches_is_kept(name: str) -> None:
     planner, path = planner_with_path(name)
     planner.update(OPEN.edited(add=[Disc((30.0, 18.0), 1.0)]))
     here = path.at(0.3)
@@ -57,7 +56,7 @@ def test_a_path_that_no_change_touches_is_kept(name: str, judge: Judge) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
-def test_a_path_that_is_blocked_is_led_around(name: str, judge: Judge) -> None:
+def test_a_path_that_is_blocked_is_led_around(name: str) -> None:
     planner, path = planner_with_path(name)
     there = path.at(0.7)[:2]
     planner.update(OPEN.edited(add=[Disc((float(there[0]), float(there[1])), 1.0)]))
@@ -112,7 +111,7 @@ def followed_through(robot: Robot, worlds: list[World]) -> list[Path]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(DRIVES))
-def test_a_door_that_opens_is_taken(name: str, judge: Judge) -> None:
+def test_a_door_that_opens_is_taken(name: str) -> None:
     robot = DRIVES[name]
     opened, zone = HALL.edited(remove=[1]), KeepOutZone(Rectangle((5.0, 6.75), 0.4, 1.5).polygon())
     moved = HALL.edited(replace={1: Rectangle((5.0, 1.0), 0.4, 2.0)})
@@ -161,15 +160,6 @@ def test_ends_in_obstacles_are_said() -> None:
     assert "the goal overlaps obstacle pallet-7 (disc) by" in result.reason
 
 
-def test_a_robot_beside_its_path_returns_to_it(judge: Judge) -> None:
-    planner, path = planner_with_path()
-    here = path.at(0.3) + np.array([0.05, -0.05, 0.02])
-    result = planner.replan(here, GOAL, path)
-    assert result.kept
-    judge(planner.world, planner.robot, here, GOAL, states_of(result))
-    assert planner.replan(GOAL, GOAL, path).path is not None
-
-
 @pytest.mark.parametrize(
     ("argument", "value"), [("min_gain", -0.1), ("min_gain", np.nan), ("improvement", -1.0), ("time_limit", 0.0)]
 )
@@ -182,7 +172,7 @@ def test_bad_options_are_refused(argument: str, value: float) -> None:
 
 
 @pytest.mark.slow
-def test_many_changes_never_give_a_path_that_collides(judge: Judge) -> None:
+def test_many_changes_never_give_a_path_that_collides() -> None:
     rng = np.random.default_rng(3)
     for seed in trials(2, of=2):
         world, robot = random_world(seed, 60, size=50.0), ROBOTS["rectangle"]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
+from tests.helpers.oracles import judge
 from tests.helpers.trials import QUICK
 from tests.helpers.worlds import ROBOTS, random_pairs, random_world
 
@@ -18,7 +17,7 @@ WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
-def test_it_hardly_grows_by_queries_that_it_knows(name: str, judge: Callable[..., float]) -> None:
+def test_it_hardly_grows_by_queries_that_it_knows(name: str) -> None:
     kept = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, settings=QUICK)
     start, goal = random_pairs(kept, 1, 3)[0]
     sizes, costs = [], []

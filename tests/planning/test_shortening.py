@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import lru_cache
 from itertools import pairwise
 
@@ -12,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.oracles import Oracle
+from tests.helpers.oracles import Oracle, judge
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
@@ -27,10 +26,6 @@ from trailmark.trajectories import CurvePath
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
-Judge = Callable[..., float]
-
-CAR = Robot.rectangle(1.0, 0.6)
-OPEN = StateChecker(World("open", (0, 0, 20, 20)), CAR)
 
 
 def cost(states: FloatArray, turning: bool = True) -> float:
@@ -58,7 +53,7 @@ def longest_way(roadmap: Roadmap) -> FloatArray:
 @pytest.mark.slow
 @settings(max_examples=few(40))
 @given(name=st.sampled_from(sorted(ROBOTS)), world=st.integers(0, 5), seed=st.integers(0, 10_000))
-def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, seed: int) -> None:
+def test_paths_get_no_longer_and_stay_free(name: str, world: int, seed: int) -> None:
     chart = roadmap(name, world)
     states = longest_way(chart)
     if len(states) < 3:
@@ -86,14 +81,6 @@ def test_much_is_gained() -> None:
     assert np.mean(gains) > 0.15
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_in_the_open_the_straight_motion_is_found(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    states = rng.uniform((2, 2, -3.1), (18, 18, 3.1), (30, 3))
-    short = shorten(motion_of(OPEN), states, rng)
-    assert np.array_equal(short, states[[0, -1]])
-
-
 @pytest.mark.slow
 def test_added_vertices_lead_around_a_block() -> None:
     # The shortest path bends twice; moved alone, the one bend that there is has nowhere better to go.
@@ -107,19 +94,6 @@ def test_added_vertices_lead_around_a_block() -> None:
         for on in (False, True)
     )
     assert np.median(split) < np.median(plain), (split, plain)
-
-
-def test_turning_to_and_fro_is_left_out() -> None:
-    # In a corridor too narrow to turn in: only headings can be gained, since the way is straight.
-    walls = (Rectangle((10.0, 8.9), 20.0, 1.0), Rectangle((10.0, 11.1), 20.0, 1.0))
-    checker = StateChecker(World("corridor", (0, 0, 20, 20), walls), Robot.rectangle(2.0, 1.0))
-    x = np.linspace(2.0, 18.0, 17)
-    states = np.column_stack([x, np.full(17, 10.0), 0.08 * (-1.0) ** np.arange(17)])
-    assert checker.motions_valid(states[:-1], states[1:]).all()
-    short = shorten(motion_of(checker), states, np.random.default_rng(0))
-    turned = np.abs(np.diff(short[:, 2])).sum()
-    assert turned == pytest.approx(0.0, abs=1e-3)
-    assert cost(short) == pytest.approx(16.0, abs=1e-3)
 
 
 def test_seed_sweeps_and_deadline() -> None:

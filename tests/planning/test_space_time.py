@@ -95,39 +95,6 @@ def test_a_motion_is_clear_just_when_no_moment_shows_contact(name: str) -> None:
     assert verdicts[1, 1] > few(10, of=6)
 
 
-def test_grazing_is_decided_to_a_micrometre() -> None:
-    disc, body = ROBOTS["disc"], ROBOTS["rectangle"]
-    half = 0.5 * float(np.ptp(body.outline.vertices[:, 1]))
-    a, b = np.array([-5.0, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])
-    for offset, clear in ((1e-6, True), (-1e-6, False)):
-        # The discs cross at right angles: their least distance is that of the lines' meeting, 45 degrees off.
-        reach = np.sqrt(2.0) * (0.7 + disc.circumradius + offset)
-        crossing = Moving(Disc((0.0, -5.0 + reach), 0.7), (0.0, 1.0), 20.0)
-        passing = Moving(Disc((5.0, half + 0.7 + offset), 0.7), (-1.0, 0.0), 20.0)
-        for robot, moving in ((disc, crossing), (body, passing)):
-            assert motion_clear(MovingObstacles.of([moving], build_footprint(robot)), a, 0.0, b, 10.0) == clear
-
-
-@pytest.mark.parametrize(
-    ("x", "speed", "until", "clear"),
-    [
-        (5.0, 0.0, 20.0, False),
-        (5.0, 0.0, 3.4, True),  # it is foreseen up to a moment before the robot comes
-        (5.0, 0.0, 3.6, False),
-        (-3.0, 1.0, 20.0, True),
-        (-3.0, 1.2, 20.0, False),
-        (-3.0, 1.1, 20.0, True),
-        (12.0, -1.0, 20.0, False),
-        (12.0, -1.0, 5.2, True),
-        (12.0, -1.0, 5.3, False),
-    ],
-)
-def test_what_stands_what_overtakes_and_what_comes_head_on(x: float, speed: float, until: float, clear: bool) -> None:
-    moving = Moving(Disc((x, 0.0), 0.5), (speed, 0.0), until)
-    obstacles = MovingObstacles.of([moving], build_footprint(Robot.rectangle(2.0, 1.0)))
-    assert motion_clear(obstacles, np.zeros(3), 0.0, np.array([10.0, 0.0, 0.0]), 10.0) == clear
-
-
 def check(result: ReplanResult, world: World, robot: Robot, speed: float, start: FloatArray, goal: FloatArray) -> None:
     """Assert that a path, if there is one, joins start and goal and meets nothing, standing or moving."""
     if result.path is None:

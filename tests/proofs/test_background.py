@@ -71,24 +71,3 @@ def test_an_error_is_raised_where_the_result_is_asked_for() -> None:
     with pytest.raises(ZeroDivisionError):
         in_time(10.0, fail)
     assert in_time(0.0, lambda stop: threading.Event().wait(0.2)) is None
-
-
-@pytest.mark.slow
-def test_planning_ends_with_the_proof_and_leaves_no_thread() -> None:
-    result = LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0)
-    assert result.status == "infeasible"
-    assert others() == 0
-    # Asked for rounds instead of time, the same.
-    assert LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, max_iterations=2).status == "infeasible"
-
-
-@pytest.mark.slow
-def test_an_error_ends_the_thread_too() -> None:
-    def fail() -> bool:
-        if others() == 1:
-            raise KeyboardInterrupt
-        return False
-
-    with pytest.raises(KeyboardInterrupt):
-        LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, stop=fail)
-    assert others() == 0

@@ -114,20 +114,6 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
             assert way - 1e-9 <= costs(states) <= weight * way + 1e-9
 
 
-def test_a_snapshot_is_as_the_roadmap_was() -> None:
-    checker = StateChecker(random_world(1, 20, size=40.0), ROBOTS["disc"], cell=0.2)
-    roadmap, q = Roadmap(checker), free_samples(checker, 400, random_state=1)
-    roadmap.add(q[:200])
-    graph = RoadmapSnapshot(roadmap)
-    before = graph.find_path(q[300], q[301])
-    roadmap.add(q[200:])
-    after = graph.find_path(q[300], q[301])
-    assert len(graph) == 200
-    assert before is not None
-    assert after is not None
-    assert np.array_equal(before, after)
-
-
 def test_an_empty_roadmap_answers_what_needs_no_roadmap() -> None:
     graph = RoadmapSnapshot(Roadmap(StateChecker(random_world(1, 0, size=40.0), ROBOTS["disc"])))
     ends = np.array([[2.0, 2.0, 0.0], [9.0, 9.0, 0.0]])

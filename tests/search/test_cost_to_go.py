@@ -6,18 +6,18 @@ import math
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
+from tests.helpers.oracles import signed_distances
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.search.cost_to_go import CostToGo
-from trailmark.shapes import Disc, Rectangle
+from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
@@ -46,20 +46,6 @@ def at(costs: CostToGo, x: float, y: float) -> float:
 def middle(robot: Robot, q: FloatArray) -> complex:
     """Where the inscribed disc's centre is."""
     return complex(q[0], q[1]) + complex(*robot.inscribed_disc.center) * complex(math.cos(q[2]), math.sin(q[2]))
-
-
-def gaps(world: World, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Distances of points to what is not free, by shapely; 0 within."""
-    points = shapely.points(x, y)
-    xmin, ymin, xmax, ymax = world.bounds
-    best = np.minimum.reduce([x - xmin, xmax - x, y - ymin, ymax - y])
-    for shape in world.obstacles:
-        if isinstance(shape, Disc):
-            gap = np.hypot(x - shape.center[0], y - shape.center[1]) - shape.radius
-        else:
-            gap = shapely.distance(points, shape.polygon().shapely())
-        best = np.minimum(best, gap)
-    return np.asarray(np.maximum(best, 0.0))
 
 
 def spelled_out(costs: CostToGo, dear: FloatArray, source: tuple[int, int]) -> FloatArray:
@@ -125,7 +111,7 @@ def test_costs_are_those_of_the_cheapest_way_over_the_cells(name: str, seed: int
     offsets = (np.arange(points) + 0.5) / points
     x = costs.x0 + costs.size * (np.arange(columns)[:, None] + offsets).reshape(-1)
     y = costs.y0 + costs.size * (np.arange(rows)[:, None] + offsets).reshape(-1)
-    room = gaps(world, *(v.reshape(-1) for v in np.meshgrid(x, y)))
+    room = signed_distances(world, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))[0]
     room = room.reshape(rows, points, columns, points).max(axis=(1, 3))
     # The field is wrong by a diagonal of its cells at most, and looked at every other cell.
     spare = 3.0 * math.sqrt(2.0) * checker.field.size + 0.71 * costs.size / points

@@ -62,20 +62,6 @@ def test_bounds_lie_between_shapelys_region_and_its_shortest_path(seed: int) -> 
                 assert bound <= length(path)
 
 
-def test_round_a_wall_the_length_is_that_of_tangents_and_arcs() -> None:
-    occupied = np.zeros((9, 9), np.bool_)
-    occupied[:8, 4] = True
-    tangents = tangents_of(World.from_grid(occupied, 1.0), 0.4)
-    search = ended(tangents.search(np.array([2.0, 2.0]), np.array([7.0, 2.0])))
-    # Up to the circle round (4, 8), a quarter and more round it, along the top, and down again.
-    r = 0.4 - 2e-6
-    tangent = math.sqrt(2.0**2 + 6.0**2 - r * r)
-    turn = math.pi / 2.0 - (math.atan2(2.0, 6.0) - math.asin(r / math.hypot(2.0, 6.0)))
-    expected = 2.0 * (tangent + r * (math.pi / 2.0 - (math.pi / 2.0 - turn))) + 1.0
-    assert search.length == pytest.approx(expected, abs=1e-9)
-    assert search.corners()[:, :2].tolist() == [[5, 9], [6, 9]]
-
-
 def test_a_gap_as_wide_as_the_disc_is_counted_as_open_and_a_narrower_one_is_not() -> None:
     occupied = np.zeros((5, 7), np.bool_)
     occupied[:, 3] = True
@@ -101,12 +87,3 @@ def test_bounds_rise_while_the_search_goes_on_and_a_guide_is_soon_there() -> Non
     assert guided.expanded < 0.2 * search.expanded
     assert guided.bound == pytest.approx(59.0 * math.sqrt(2.0))
     assert search.length <= guided.length < 1.05 * search.length
-
-
-def test_only_whole_upright_grids_have_tangents() -> None:
-    world = World.from_grid(np.eye(4, dtype=np.bool_), 1.0)
-    assert GridTangents.of(world, 0.4) is not None
-    assert GridTangents.of(replace(world, bounds=(0.0, 0.0, 3.0, 4.0)), 0.4) is None
-    assert GridTangents.of(replace(world, obstacles=tuple(world.obstacles)), 0.4) is None
-    assert GridTangents.of(World.from_grid(np.eye(4, dtype=np.bool_), 1.0, (0.0, 0.0, 0.1)), 0.4) is None
-    assert GridTangents.of(world, 17.0) is None

@@ -59,15 +59,6 @@ def assert_correct(path: SmoothPath, world: World, robot: Robot, like: Path) -> 
     assert path.rotation == pytest.approx(Path(dense).rotation, rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
-def test_a_corner_with_room_is_cut(robot: Robot) -> None:
-    path = path_of((1.0, 1.0, 0.0), (8.0, 1.0, 0.0), (8.0, 8.0, 1.5)).smooth(WORLD, robot)
-    assert_correct(path, WORLD, robot, path_of((1.0, 1.0, 0.0), (8.0, 8.0, 1.5)))
-    assert len(path.stops) == 0
-    assert path.length < 14.0
-    assert path.timed(1.0, 1.0, 1.0, 1.0).duration < 14.0 + 1.0
-
-
 def test_around_an_obstacle_that_the_corner_touches_the_path_swings_outwards() -> None:
     # At the corner the robot's touches that of the box.
     path = path_of((1.0, 3.5, 0.0), (6.3, 3.8, 0.0), (6.5, 9.0, 0.0))
@@ -106,31 +97,12 @@ def test_where_there_is_no_room_the_corner_is_a_stop() -> None:
     assert smooth.timed(1.0, 1.0, 1.0).duration == pytest.approx(path.timed(1.0, 1.0, 1.0).duration)
 
 
-def test_a_corridor_hardly_wider_than_the_robot_is_not_left() -> None:
-    world = World(name="corridor", bounds=(0.0, 0.0, 9.0, 0.402))
-    y = 0.201
-    path = path_of((1.0, y, 0.0), (3.0, y, 0.0), (5.0, y, math.pi), (7.0, y, math.pi))
-    with pytest.raises(ConfigurationError, match=r"certified free of collision; motion 1 is not"):
-        path.smooth(world, ROBOT)
-    straight = path_of((1.0, y, 0.0), (3.0, y, 0.0), (8.0, y, 0.0)).smooth(world, ROBOT)
-    assert_correct(straight, world, ROBOT, path_of((1.0, y, 0.0), (8.0, y, 0.0)))
-    assert len(straight.stops) == 0
-
-
 @pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
 def test_a_reversal_and_turns_in_place_are_stops(robot: Robot) -> None:
     smooth = path_of((0, 0, 0), (5, 0, 0), (1, 0, 0)).smooth(OPEN, robot)
     np.testing.assert_array_equal(smooth.stops, [[5.0, 0.0, 0.0]])
     smooth = path_of((0, 0, 0), (5, 0, 0), (5, 0, 1), (5, 5, 1)).smooth(OPEN, robot)
     np.testing.assert_allclose(smooth.stops, [[5.0, 0.0, 0.0], [5.0, 0.0, 1.0]], atol=1e-12)
-
-
-def test_segments_of_micrometres_are_smoothed_too() -> None:
-    states = np.cumsum(np.random.default_rng(5).normal(scale=1e-6, size=(30, 3)), axis=0)
-    smooth = Path(states).smooth(OPEN, ROBOT)
-    assert_correct(smooth, OPEN, ROBOT, Path(states))
-    # Directions of so short motions are rounded.
-    assert_within_limits(smooth.timed(1.0, 1.0, 1.0, 1.0), jump=1e-6)
 
 
 def assert_driven_free(path: SmoothPath, world: World, robot: Robot, step: float = 0.01) -> None:
@@ -184,20 +156,6 @@ def test_differential_drives_among_random_obstacles_keep_off_them(seed: int) -> 
     smooth = path.smooth(checker)
     assert_correct(smooth, world, robot, path)
     assert_driven_free(smooth, world, robot)
-
-
-def test_directions_of_one_way_zones_are_kept() -> None:
-    path = path_of((0.0, 0.0, 0.0), (6.5, 0.0, 0.0), (6.5, 9.0, 0.0))
-    around = Polygon(np.array([[5.0, -1.0], [8.0, -1.0], [8.0, 2.0], [5.0, 2.0]]))
-    for heading, tolerance in ((0.0, 1.6), (math.pi / 4.0, 0.8)):
-        world = World(name="one-way", bounds=OPEN.bounds, zones=(OneWayZone(around, heading, tolerance),))
-        assert path.smooth(world, ROBOT) == path.smooth(OPEN, ROBOT)
-    # Inside of the corner, where the path does not go, and the other way: the corner is not cut so far.
-    inside = Polygon(np.array([[3.0, 0.2], [6.3, 0.2], [6.3, 4.0], [3.0, 4.0]]))
-    world = World(name="one-way", bounds=OPEN.bounds, zones=(OneWayZone(inside, math.pi, 1.0),))
-    smooth = path.smooth(world, ROBOT)
-    assert len(smooth.stops) == 0
-    assert not shapely.contains_xy(inside.shapely(), smooth.resample(0.01).states[:, :2]).any()
 
 
 @pytest.mark.slow

@@ -10,10 +10,10 @@ import pytest
 
 from trailmark import se2
 from trailmark.curves import Steering
-from trailmark.errors import ConfigurationError, WorldError
+from trailmark.errors import ConfigurationError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.trajectories import CurvePath
-from trailmark.verify import PathAudit, PathAuditor, check_path
+from trailmark.verify import PathAudit, check_path
 from trailmark.world import Robot, World
 from trailmark.world.zones import KeepOutZone
 
@@ -194,16 +194,6 @@ def test_at_a_single_state_the_robot_stands() -> None:
         assert check_path(World("w", BOUNDS, (BOX,)), SQUARE.steered(1.0), [[place, 10, 0]]).free == free
 
 
-def test_an_auditor_is_reused_while_world_and_robot_stay() -> None:
-    world = World("w", BOUNDS, (BOX,), SQUARE)
-    path = np.array([[5, 5, 0], [6, 5, 0]])
-    assert check_path(world, None, path) == check_path(world, SQUARE, path)
-    moved = world.edited(move={0: (-4.5, -5.0)})
-    assert not check_path(moved, None, path).free
-    assert check_path(world, None, path).free
-    assert check_path(world, Robot.disc(0.1), path).min_clearance > 4.0
-
-
 @pytest.mark.parametrize(
     ("path", "message"),
     [
@@ -219,15 +209,6 @@ def test_what_is_no_path_is_refused_in_one_line(path: Any, message: str) -> None
     with pytest.raises(ConfigurationError, match=message) as caught:
         audit((), SQUARE, path)
     assert "\n" not in str(caught.value)
-
-
-def test_without_a_robot_or_a_world_nothing_is_audited() -> None:
-    with pytest.raises(WorldError, match="names no robot"):
-        check_path(World("w", BOUNDS), None, [[1, 1, 0], [2, 2, 0]])
-    with pytest.raises(WorldError, match="world: expected World"):
-        check_path("office", SQUARE, [[1, 1, 0], [2, 2, 0]])  # type: ignore[arg-type]  # misuse
-    with pytest.raises(ConfigurationError, match="audit: checker: expected StateChecker"):
-        PathAuditor(SQUARE)  # type: ignore[arg-type]  # misuse
 
 
 @pytest.mark.slow

@@ -6,19 +6,15 @@ import gc
 import pickle
 import random
 import weakref
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from tests.helpers.trials import trials
 
 from trailmark.errors import WorldError
-from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.shapes import Disc, Rectangle
 from trailmark.world import World
 from trailmark.world.changes import Change, Changes
-from trailmark.world.estimates import ObstacleEstimate
-from trailmark.world.moving import Moving
 
 A, B, C, D = (Disc((float(x), 1.0), 0.4) for x in range(1, 5))
 BOUNDS = (0.0, 0.0, 20.0, 20.0)
@@ -50,31 +46,6 @@ def test_the_difference_says_what_came_went_and_moved() -> None:
     assert repr(changes) == "Changes(~c, -a, -3, +new)"
 
 
-def test_equal_worlds_differ_in_nothing() -> None:
-    for other in (WORLD, rebuilt(WORLD), replace(WORLD, name="other")):
-        assert not WORLD.difference(other)
-        assert WORLD.apply(WORLD.difference(other)) == WORLD
-    assert repr(Changes()) == "Changes(none)"
-
-
-def test_obstacles_without_ids_are_matched_one_to_one() -> None:
-    world = World("w", BOUNDS, (A, A, B, rebuilt(WORLD).obstacles[0]))
-    other = World("w", BOUNDS, (B, A, A))
-    (item,) = world.difference(other).items
-    assert (item.before, item.after) == (A, None)
-    assert contents(world.apply(world.difference(other))) == contents(other)
-    assert not World("w", BOUNDS, (A, B, C)).difference(World("w", BOUNDS, (C, A, B)))
-
-
-def test_what_is_said_of_an_obstacle_is_a_change_too() -> None:
-    estimate, motion = ObstacleEstimate(A, 0.01 * np.eye(2)), Moving(Rectangle((5, 5), 1, 1), (1, 0), 1.0)
-    world = World("w", BOUNDS, (A, B, motion.swept))
-    other = World("w", BOUNDS, (A, B, motion.swept), estimates=(estimate, None, None), moving=(None, None, motion))
-    assert [(item.index_before, item.index_after) for item in world.difference(other).items] == [(0, 0), (2, 2)]
-    assert world.apply(world.difference(other)) == other
-    assert other.apply(other.difference(world)) == world
-
-
 @pytest.mark.slow
 def test_the_changes_of_an_edit_are_remembered_and_no_world_is_kept_alive() -> None:
     world = rebuilt(WORLD)
@@ -88,16 +59,6 @@ def test_the_changes_of_an_edit_are_remembered_and_no_world_is_kept_alive() -> N
     assert gone() is None
     assert len(WORLD.difference(edited).items) == 2
     assert pickle.loads(pickle.dumps(edited)) == edited  # noqa: S301 # its own pickle
-
-
-def test_differences_of_other_bounds_are_refused() -> None:
-    with pytest.raises(WorldError, match="difference: bounds: expected the same in both worlds"):
-        WORLD.difference(replace(WORLD, bounds=(0, 0, 21, 20)))
-    walled = replace(WORLD, boundary=Polygon(np.array([[0, 0], [20, 0], [20, 20.0]])))
-    with pytest.raises(WorldError, match="difference: boundary: expected the same in both worlds"):
-        WORLD.difference(walled)
-    with pytest.raises(WorldError, match="difference: expected World, got 3"):
-        WORLD.difference(3)  # type: ignore[arg-type]  # misuse
 
 
 @pytest.mark.parametrize(

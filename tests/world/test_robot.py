@@ -98,18 +98,6 @@ def test_a_footprint_stands_on_its_reference_point() -> None:
 # --- Query
 
 
-def test_a_robot_moves_in_every_direction_unless_it_has_a_turning_radius() -> None:
-    for robot in (Robot.disc(0.3), Robot.rectangle(2, 1), Robot.parse("rectangle:2x1")):
-        assert robot.turning_radius is None
-        assert robot.reverse
-    car = Robot.rectangle(2, 1).steered(5, reverse=False)
-    assert car == Robot(Robot.rectangle(2, 1).footprint, turning_radius=5.0, reverse=False)
-    assert isinstance(car.turning_radius, float)
-    assert car.steered(None) == Robot.rectangle(2, 1)
-    assert len({car, car.steered(5.0, reverse=False), car.steered(5.0), car.steered(6.0), car.steered(None)}) == 4
-    assert car.circumradius == Robot.rectangle(2, 1).circumradius
-
-
 @pytest.mark.parametrize(
     "radius", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * TURNING_LIMIT, True, "5", [5.0]], ids=repr
 )

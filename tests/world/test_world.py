@@ -9,20 +9,13 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark.errors import ConfigurationError, FormatError, TrailmarkError, WorldError
+from trailmark.errors import ConfigurationError, TrailmarkError, WorldError
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import BOUNDS_LIMIT, Query, Robot, World
 from trailmark.world.moving import Moving
 from trailmark.world.zones import CostZone
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-
-
-def test_a_querys_ends_are_wrapped_tuples() -> None:
-    query = Query("q", (0, 0, 4.0), [1, 2, -math.pi])
-    assert query.start == pytest.approx((0, 0, 4.0 - 2 * math.pi))
-    assert query.goal == (1.0, 2.0, math.pi)
-    assert isinstance(query.goal, tuple)
 
 
 @pytest.mark.parametrize(
@@ -52,11 +45,6 @@ def test_bad_bounds_are_refused_in_one_line(bounds: Any) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_boundary_has_no_holes() -> None:
-    with pytest.raises(WorldError, match=r"boundary: expected a polygon without holes, got one with holes \(make"):
-        World("w", (0, 0, 9, 9), boundary=Polygon(SQUARE * 9, (SQUARE + 1,)))
-
-
 def test_geometries_of_shapely_become_polygons() -> None:
     holed = shapely.box(0, 0, 3, 3) - shapely.box(1, 1, 2, 2)
     square = Polygon(SQUARE[[1, 2, 3, 0]])  # in shapely's order
@@ -71,19 +59,6 @@ def test_geometries_of_shapely_become_polygons() -> None:
     assert len(World("w", (0, 0, 9, 9), (pair, holed)).obstacles) == 3
     with pytest.raises(WorldError, match="ids: expected one for each of 2 obstacles, or none, got 1"):
         World("w", (0, 0, 9, 9), (pair,), ids=("pair",))
-
-
-def test_a_world_is_made_of_geometries() -> None:
-    geometries = [shapely.box(0, 0, 1, 1), shapely.Polygon(), shapely.box(4, 5, 6, 9)]
-    expected = (Polygon(SQUARE), Polygon(np.array([[4, 5], [6, 5], [6, 9], [4, 9]])))
-    for given in (geometries, np.array(geometries), shapely.GeometryCollection(geometries)):
-        world = World.from_shapely(given, name="yard")
-        assert (world.name, world.bounds) == ("yard", (0.0, 0.0, 6.0, 9.0))
-        assert [shape.polygon().shapely().normalize() for shape in world.obstacles] == [
-            shape.shapely().normalize() for shape in expected
-        ]
-    assert World.from_shapely([], bounds=(0, 0, 2, 2)) == World("world", (0, 0, 2, 2))
-    assert World.from_shapely(shapely.Point(1, 1).buffer(0.5), (0, 0, 2, 2)).bounds == (0.0, 0.0, 2.0, 2.0)
 
 
 @pytest.mark.parametrize(
@@ -135,21 +110,3 @@ def test_queries_are_found_by_name() -> None:
         World("empty", (0, 0, 1, 1)).query("door")
     with pytest.raises(WorldError, match="expected each name once, got 'door' more than once"):
         World("twice", (0, 0, 9, 9), queries=(*queries, queries[0]))
-
-
-def test_a_world_is_a_value() -> None:
-    world = World("w", (0, 0, 3, 4), [Disc((1, 1), 0.5)])  # type: ignore[arg-type]  # a list, as a reader builds it
-    assert isinstance(world.obstacles, tuple)
-    assert world.bounds == (0.0, 0.0, 3.0, 4.0)
-    assert world.extent == 5.0
-    other = world.with_robot(Robot.disc(0.1))
-    assert other.robot == Robot.disc(0.1)
-    assert world.robot is None
-    assert other.obstacles[0] is world.obstacles[0]
-    assert hash(other) == hash(world.with_robot(Robot.disc(0.1)))
-
-
-def test_load_finds_shipped_worlds_by_name() -> None:
-    assert World.load("office").name == "office"
-    with pytest.raises(FormatError, match=r"^ofice: no such file or shipped world; .*'office'\?\)$"):
-        World.load("ofice")
