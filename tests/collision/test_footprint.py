@@ -12,11 +12,7 @@ from tests.helpers.worlds import ROBOTS, star_polygon
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import build_footprint
 from trailmark.shapes import Disc, signed_area
-from trailmark.touching import (
-    TOUCHING_TOLERANCE,
-    eroded,
-    overlap_core,
-)
+from trailmark.touching import TOUCHING_TOLERANCE, eroded, overlap_core
 from trailmark.world import Robot, World
 
 SHAPES = {

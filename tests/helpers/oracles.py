@@ -245,13 +245,7 @@ HEADINGS = 17
 _CHILDREN = np.array(list(product((-0.5, 0.5), repeat=3)))
 
 
-def free_somewhere(
-    world: World,
-    robot: Robot,
-    middle: FloatArray,
-    extent: FloatArray,
-    pivot: FloatArray,
-) -> bool:
+def free_somewhere(world: World, robot: Robot, middle: FloatArray, extent: FloatArray, pivot: FloatArray) -> bool:
     """Return whether a configuration in one of the boxes is found at which the robot meets nothing.
 
     Args:

@@ -17,13 +17,8 @@ from threadpoolctl import threadpool_limits
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.landmarks import algorithm_1, repair_centres, spread_of_runs
-from trailmark.landmarks.executions import (
-    Execution,
-    execute_paper,
-    landmarks_for_area,
-    landmarks_for_range,
-)
+from trailmark.landmarks import repair_centres
+from trailmark.landmarks.executions import Execution, execute_paper, landmarks_for_area, landmarks_for_range
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 from trailmark.world.library import shipped_worlds
@@ -119,21 +114,6 @@ def test_repaired_centres_are_valid_and_the_nearest(robot: Robot) -> None:
         assert np.hypot(*(samples - q[:2]).T).min() == 0.0
         nearer = samples[np.hypot(*(samples - centre).T) < np.hypot(*(q[:2] - centre)) - 1e-9]
         assert not any(fits(robot, place) for place in nearer)
-
-
-def test_spread_over_runs() -> None:
-    runs = [np.array(run) for run in ([[0.0, 0], [10, 0]], [[10.0, 1], [0, 0]], [[0.0, 3], [10, 0]])]
-    spread = spread_of_runs(runs)
-    assert spread.pairs.tolist() == [[0, 1], [0, 2], [1, 2]]
-    assert spread.rms == pytest.approx(np.sqrt([0.5, 4.5, 5.0]))
-    assert (spread.mean, spread.worst) == pytest.approx((np.sqrt([0.5, 4.5, 5.0]).mean(), np.sqrt(5.0)))
-    # Separate clumps give stable centres, uniform points do not.
-    rng = np.random.default_rng(0)
-    corners = np.repeat([[0.0, 0.0], [50.0, 0.0], [0.0, 50.0], [50.0, 50.0]], 100, axis=0)
-    clumps = [algorithm_1(corners + rng.normal(0.0, 1.0, (400, 2)), 4, "k-means++", i).centres for i in range(4)]
-    uniform = [algorithm_1(rng.uniform(0.0, 50.0, (400, 2)), 7, "forgy", i).centres for i in range(4)]
-    assert spread_of_runs(clumps).worst < 0.5
-    assert spread_of_runs(uniform).mean > 2.0
 
 
 OPEN = StateChecker(World("open", (-0.5, -0.5, 40.5, 40.5)), Robot.disc(0.5))

@@ -19,7 +19,7 @@ from tests.helpers.trials import few, trials
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import RangeBearing, sense_obstacles
-from trailmark.landmarks import algorithm_1, algorithm_2, enclosed_cells, enclosed_points, free_samples, paper
+from trailmark.landmarks import algorithm_1, algorithm_2, enclosed_cells, free_samples, paper
 from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, initial_centres
 from trailmark.world import World
 from trailmark.world.library import shipped_worlds
@@ -209,24 +209,3 @@ def test_cells_that_are_enclosed(occupied: BoolArray, data: st.DataObject) -> No
     assert np.array_equal(enclosed_cells(occupied), ~occupied & ~flood(occupied, edge))
     seeds = edge if occupied[robot] else [robot]
     assert np.array_equal(enclosed_cells(occupied, robot), ~occupied & ~flood(occupied, seeds))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("lines", [paper.MAX_LINES, 200])
-@given(st.integers(0, 30), st.integers(0, 999))
-def test_points_behind_boxes(lines: int, m: int, seed: int) -> None:
-    """With fewer lines than boxes have edges, the boxes grow outwards by less than a cell."""
-    rng = np.random.default_rng(seed)
-    low = rng.uniform(-1.0, 9.0, (m, 2))
-    boxes = np.column_stack([low, low + rng.choice([0.3, 2.0, 4.0], (m, 2))])
-    points, robot = rng.uniform((0.0, 0.0), (10.0, 6.0), (300, 2)), rng.uniform((0.0, 0.0), (10.0, 6.0))
-    with mock.patch.object(paper, "MAX_LINES", lines):
-        found = enclosed_points(points, boxes, RECTANGLE, robot)
-    region, solid = shapely.box(*RECTANGLE), shapely.union_all([shapely.box(*box) for box in boxes])
-    if shapely.distance(solid, shapely.Point(robot)) == 0.0:
-        return
-    rooms = shapely.get_parts(region.difference(solid))
-    free = ~shapely.intersects(solid, shapely.points(points))
-    home = rooms[int(np.argmin(shapely.distance(rooms, shapely.Point(robot))))]
-    if len(rooms) == 1 or lines > 2 * m:
-        assert np.array_equal(found[free], ~shapely.intersects(home, shapely.points(points))[free])

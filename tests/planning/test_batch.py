@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from tests.helpers.oracles import judge
-from tests.helpers.worlds import ROBOTS, joined_pairs, random_world
+from tests.helpers.trials import QUICK
+from tests.helpers.worlds import ROBOTS, joined_pairs, random_pairs, random_world
 
 from trailmark import LandmarkPlanner
 from trailmark.errors import ConfigurationError
@@ -121,3 +122,31 @@ def test_many_queries_can_be_stopped() -> None:
     some = planner.plan_many(starts, goals, 60.0, stop=later)
     assert len(some) == 8
     assert {r.status for r in planner.plan_many(starts, goals, 60.0)} == {"solved"}
+
+
+LIMIT = 30.0
+
+
+LOOKUP_WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["rectangle", "disc"])
+def test_it_hardly_grows_by_queries_that_it_knows(name: str) -> None:
+    kept = LandmarkPlanner(LOOKUP_WORLD, ROBOTS[name], seed=4, settings=QUICK)
+    start, goal = random_pairs(kept, 1, 3)[0]
+    sizes, costs = [], []
+    for _ in range(14):
+        result = kept.plan(start, goal, LIMIT, max_iterations=1)
+        assert result.path is not None
+        sizes.append((len(kept.roadmap), len(kept.roadmap.edges)))
+        costs.append(judge(LOOKUP_WORLD, kept.robot, start, goal, result.path.states))
+    assert sizes[-1][0] <= sizes[0][0] + 50
+    assert sizes[-1] == sizes[9]
+    assert costs[-1] <= 1.03 * costs[0]
+    for start, goal in random_pairs(kept, 8, 5):
+        assert kept.plan(start, goal, LIMIT, max_iterations=1).status == "solved"
+        sizes.append((len(kept.roadmap), 0))
+    assert sizes[-1][0] <= PlannerSettings().max_kept_nodes
+    # What it grows by becomes less.
+    assert sizes[-1][0] - sizes[-4][0] <= sizes[-4][0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,43 +74,24 @@ def test_parking(worlds: Path, name: str) -> None:
     assert CurveMotion(planner.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()
 
 
-class Office(NamedTuple):
-    """What was planned through a door of an office once, and what was told meanwhile."""
-
-    world: World
-    query: Query
-    result: PlanResult
-    seen: list[PlanProgress]
-
-
-def through_the_door(worlds: Path, reverse: bool) -> Office:
-    world, seen = shipped(worlds, "office", 0.6, reverse), list[PlanProgress]()
-    query = world.query("door")
-    return Office(world, query, planned(world, query, on_progress=seen.append)[1], seen)
-
-
 @pytest.fixture(scope="module")
-def office(worlds: Path) -> Office:
-    return through_the_door(worlds, reverse=True)
-
-
-def require_sound(planned: Office) -> CurvePath:
-    path = referee(planned.world, planned.query, planned.result)
-    assert planned.result.lower_bound is not None
-    assert planned.result.lower_bound <= path.cost + 1e-9
-    return path
+def office(worlds: Path) -> tuple[World, Query, PlanResult]:
+    """What was planned through a door of an office once."""
+    world = shipped(worlds, "office", 0.6)
+    return world, world.query("door"), planned(world, world.query("door"))[1]
 
 
 @pytest.mark.slow
-def test_an_office(office: Office) -> None:
-    assert require_sound(office).steering == Steering(0.6)
-
-
-@pytest.mark.slow
-def test_an_office_forwards_only(worlds: Path) -> None:
-    path = require_sound(through_the_door(worlds, reverse=False))
-    assert path.steering == Steering(0.6, reverse=False)
-    assert path.cusps == 0
+def test_an_office_both_ways_and_forwards_only(worlds: Path, office: tuple[World, Query, PlanResult]) -> None:
+    forwards = shipped(worlds, "office", 0.6, reverse=False)
+    query = forwards.query("door")
+    for world, result in ((office[0], office[2]), (forwards, planned(forwards, query)[1])):
+        path = referee(world, query, result)
+        assert world.robot is not None
+        assert path.steering == Steering.of(world.robot)
+        assert result.lower_bound is not None
+        assert result.lower_bound <= path.cost + 1e-9
+        assert world.robot.reverse or path.cusps == 0
 
 
 def test_a_free_way_is_the_shortest_curve_itself() -> None:
@@ -145,8 +126,8 @@ def test_straight_lines_from_state_to_state_are_free_as_well(pillar: float, room
         assert check_path(world, car, trajectory.at(t)).free
 
 
-def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:
-    result = office.result
+def test_the_record_holds_what_rebuilds_the_curves(office: tuple[World, Query, PlanResult]) -> None:
+    result = office[2]
     record = json.loads(json.dumps(result.to_dict("office", "door")))
     curve = record["curve"]
     assert curve["kind"] == "reeds-shepp"
@@ -225,16 +206,3 @@ def test_changes_of_direction_are_what_a_driver_avoids_by_default(paid: PlanResu
     assert record["direction_changes"] == paid.path.cusps
     assert record["reverse_length"] == paid.path.reverse_length
     assert record["objective"]["direction_change"] == 3.0
-
-
-@pytest.mark.slow
-def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
-    planner, before = LandmarkPlanner(SLOT_WORLD, seed=0, landmarks=50), paid.path
-    assert before is not None
-    for result in (
-        planner.plan_many([ROAD], [SLOT], 20.0, max_iterations=1)[0],
-        planner.replan(ROAD, SLOT, before, 20.0),
-    ):
-        path = result.path
-        assert isinstance(path, CurvePath)
-        assert result.cost == pytest.approx(path.length + 3.0 * path.cusps + 0.5 * path.reverse_length)

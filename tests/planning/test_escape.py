@@ -7,14 +7,12 @@ import pytest
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, PlannerSettings, Rectangle, StateChecker, World
+from trailmark import Disc, LandmarkPlanner, PlannerSettings, StateChecker, World
 from trailmark.motion import motion_of
 from trailmark.penetration import Penetration
 from trailmark.planning.escape import way_out
 from trailmark.trajectories import path_of
 from trailmark.world import Robot
-
-WALL = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 3.0), 2.0, 6.0),))
 
 
 def depth_of(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
@@ -49,18 +47,6 @@ def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
             assert (depths <= together + 1e-4).all()
             met += 1
     assert met > few(20, of=2)
-
-
-def test_a_car_drives_out() -> None:
-    robot = ROBOTS["rectangle"].steered(2.0)
-    checker = StateChecker(WALL, robot)
-    out = way_out(checker, np.array([8.2, 3.0, 0.0]))
-    assert out is not None
-    assert checker.valid(out[-1])
-    assert (np.diff(depth_of(WALL, robot, out)) <= 1e-4).all()
-    assert np.hypot(*(out[-1] - out[0])[:2]) < 0.3
-    # It does not reverse, and ahead is the wall.
-    assert way_out(StateChecker(WALL, robot.steered(2.0, reverse=False)), np.array([8.2, 3.0, 0.0])) is None
 
 
 @pytest.mark.slow

@@ -6,22 +6,12 @@ import itertools
 from dataclasses import replace
 from functools import cache
 from math import pi
-from typing import Any
 
 import numpy as np
 import pytest
 from tests.helpers.trials import trials
 
-from trailmark import (
-    Disc,
-    Goal,
-    LandmarkPlanner,
-    PlannerSettings,
-    PlanResult,
-    Rectangle,
-    Robot,
-    World,
-)
+from trailmark import Disc, Goal, LandmarkPlanner, PlannerSettings, PlanResult, Rectangle, Robot, World
 from trailmark.benchmark.referee import Referee
 from trailmark.errors import ConfigurationError
 from trailmark.planning.incumbent import GAP
@@ -180,16 +170,6 @@ def test_it_is_infeasible_only_if_each_goal_is() -> None:
 
 
 @pytest.mark.slow
-def test_a_goal_beside_which_there_is_room_is_not_proven_blocked() -> None:
-    # The reference point lies outside of the footprint: in a wall, it blocks nothing.
-    ahead = Robot.polygon(np.array([[0.5, -0.1], [0.8, -0.1], [0.8, 0.1], [0.5, 0.1]]))
-    world = replace(room(), robot=ahead)
-    assert plan(world, Goal((5.0, 6.95))).status == "solved"
-    result = LandmarkPlanner(world, clearance=0.05, seed=0, settings=QUICK).plan(START, Goal((5.0, 6.95)))
-    assert result.status == "solved"
-
-
-@pytest.mark.slow
 def test_goals_that_are_not_valid_are_left_out_or_refused() -> None:
     world, wall, free = room(), (5.0, 4.0, 0.0), (8.5, 2.0, 1.0)
     result = plan(world, Goal(wall), Goal((20.0, 2.0, 0.0)), Goal(free), seconds=0.5)
@@ -242,18 +222,3 @@ def test_it_leads_to_another_goal_where_its_own_is_blocked() -> None:
     assert other.reason == "the path leads to another goal"
     with pytest.raises(ConfigurationError, match="is not valid"):
         plans.replan(START, Goal((5.0, 5.0, 0.0)), path)
-
-
-@pytest.mark.slow
-def test_many_queries_may_have_goals() -> None:
-    plans = room_planner()
-    goals: list[Any] = [(5.0, 1.0, 0.0), [NEAR, FAR], FAR, (8.5, 1.0, 0.0)]
-    results = plans.plan_many(np.tile(START, (4, 1)), goals, 0.3)
-    assert [r.status for r in results] == 4 * ["solved"]
-    assert [None if r.goal is None else r.goal.index for r in results] == [None, 0, 0, None]
-    for result, goal in zip(results, goals, strict=True):
-        assert result.path is not None
-        if isinstance(goal, tuple):
-            assert np.array_equal(result.path.states[-1], goal)
-    with pytest.raises(ConfigurationError, match="goals: expected 4, as many as starts, got 2"):
-        plans.plan_many(np.tile(START, (4, 1)), [NEAR, FAR], 0.3)

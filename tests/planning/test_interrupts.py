@@ -11,7 +11,6 @@ from types import FrameType
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.helpers.interrupts import interrupted, lines_run
 from tests.helpers.oracles import judge
 from tests.helpers.trials import few, trials
@@ -20,61 +19,7 @@ from tests.helpers.worlds import ROBOTS, joined_pairs, random_world
 from trailmark import Disc, LandmarkPlanner, StateChecker
 from trailmark.planning.warmup import warm_up
 
-FloatArray = NDArray[np.float64]
-
 WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
-
-ROADMAP = ("roadmap/roadmap.py", "roadmap/search.py")
-PLANNING = (
-    "planning/planner.py",
-    "planning/dispatch.py",
-    "planning/pipeline.py",
-    "planning/incumbent.py",
-    "planning/query.py",
-    "planning/placement.py",
-    "planning/batch.py",
-    "planning/prover.py",
-    "proofs/background.py",
-)
-
-
-def assert_sound(planner: LandmarkPlanner, pairs: FloatArray, *, rounds: int = 1) -> None:
-    """Assert that what the planner answers now is free, by shapely, and that nothing is left running."""
-    q, edges, lengths, status = planner.roadmap.rows()
-    assert len(lengths) == len(status) == len(edges)
-    assert edges.max(initial=-1) < len(q)
-    for start, goal in pairs:
-        result = planner.plan(start, goal, 20.0, max_iterations=rounds)
-        assert result.path is not None
-        assert result.path.cost == pytest.approx(judge(WORLD, planner.robot, start, goal, result.path.states))
-    assert not [t for t in threading.enumerate() if t.name == "proof of infeasibility"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["rectangle", "disc"])
-def test_plans_after_an_interrupt_at_any_line_are_free(name: str) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
-    pairs = joined_pairs(planner, 12)
-    planner.build(150)
-    plain = planner.plan(pairs[0, 0], pairs[0, 1], 20.0, max_iterations=1)
-    assert plain.status == "solved"
-    hits = k = 0
-    for step in trials(120, of=2):
-        start, goal = pairs[step % len(pairs)]
-        files = ROADMAP if step % 2 else PLANNING
-
-        def plan(start: FloatArray = start, goal: FloatArray = goal) -> object:
-            return planner.plan(start, goal, 20.0, max_iterations=1)
-
-        k += 1 + step // 8
-        if not interrupted(files, plan, k):
-            # All lines of this query have had their turn.
-            k = 0
-        else:
-            hits += 1
-        if step % 60 == 59:
-            assert_sound(planner, pairs[step // 60 :: 5])
-    assert hits > few(80, of=2)
 
 
 @pytest.mark.slow

@@ -6,16 +6,7 @@ import numpy as np
 import pytest
 from tests.helpers.oracles import sampled_cost
 
-from trailmark import (
-    CostZone,
-    LandmarkPlanner,
-    Objective,
-    PlanResult,
-    Polygon,
-    Rectangle,
-    Robot,
-    World,
-)
+from trailmark import CostZone, LandmarkPlanner, Objective, PlanResult, Polygon, Rectangle, Robot, World
 
 AISLE = World(
     "aisle",

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from tests.helpers.worlds import ROBOTS, random_world
@@ -21,10 +18,6 @@ from trailmark.planning.settings import PlannerSettings
 WORLD = random_world(3, 40, size=40.0, discs=0.3)
 LIMIT = 600.0
 """Seconds: never reached, so that the seed alone decides."""
-
-
-def pickled(value: Any) -> Any:
-    return pickle.loads(pickle.dumps(value))  # noqa: S301  # made in the same line
 
 
 def used(robot: Robot) -> LandmarkPlanner:
@@ -88,24 +81,3 @@ def test_a_copy_answers_as_the_planner_does(name: str, lived: Callable[[str], Li
     unpickled = pickle.loads(lived(name).pickle)  # noqa: S301  # made by the test
     for other in (unpickled, lived(name).deepcopy):
         assert all(same(a, b) for a, b in zip(answers(other), expected, strict=True))
-
-
-PROGRAM = """
-import pickle, sys
-from tests.planning.test_pickle import answers
-with open(sys.argv[1], "rb") as file:
-    planner = pickle.load(file)
-with open(sys.argv[1], "wb") as file:
-    pickle.dump(answers(planner), file)
-"""
-
-
-@pytest.mark.slow
-def test_another_process_gets_the_same_answers(tmp_path: FilePath, lived: Callable[[str], Lived]) -> None:
-    file = tmp_path / "planner"
-    file.write_bytes(lived("rectangle").pickle)
-    subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(file)], timeout=300.0, cwd=FilePath(__file__).parents[2], check=True
-    )
-    theirs = pickle.loads(file.read_bytes())  # noqa: S301  # made by the test
-    assert all(same(a, b) for a, b in zip(theirs, lived("rectangle").expected, strict=True))

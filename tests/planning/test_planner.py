@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from itertools import pairwise
 from typing import Any
@@ -17,6 +18,7 @@ from trailmark.errors import ConfigurationError, WorldError
 from trailmark.landmarks import free_samples
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
 
 LONG = 60.0
@@ -45,6 +47,9 @@ def accepted(world: World, start: Any, goal: Any, result: PlanResult, robot: Rob
     assert result.lower_bound is not None
     cost = judge(world, robot or world.robot, start, goal, result.path.states)
     assert result.cost == pytest.approx(cost, abs=1e-9)
+    # No vertex is left that a certified motion makes needless.
+    q, checker = result.path.states, StateChecker(world, robot or world.robot)
+    assert checker.footprint.is_disc or not checker.motions_valid(q[:-2], q[2:]).any()
     turn = abs(math.atan2(math.sin(goal[2] - start[2]), math.cos(goal[2] - start[2])))
     assert result.lower_bound >= math.dist(start[:2], goal[:2]) + 0.5 * turn - 1e-6
     assert cost >= result.lower_bound - 1e-9
@@ -75,17 +80,6 @@ def test_paths_in_random_worlds(seed: int, name: str) -> None:
         else:
             assert result.path is None
     assert solved >= 2
-
-
-def test_a_straight_motion_is_the_answer_where_it_is_free() -> None:
-    start, goal = (2.0, 2.0, 3.0), (8.0, 5.0, -3.0)
-    world = World("open", (0, 0, 10, 10), (Disc((9.0, 1.0), 0.5),), CAR)
-    result = LandmarkPlanner(world, seed=0).plan(start, goal)
-    accepted(world, start, goal, result)
-    assert result.path is not None
-    assert len(result.path) == 2
-    assert result.cost == result.lower_bound
-    assert len(result.history) == 1
 
 
 def test_a_round_robot_turns_evenly_along_its_way() -> None:
@@ -284,3 +278,46 @@ def test_without_a_path_the_nearest_approach_is_told() -> None:
     assert (states[0] == start).all()
     assert planner.checker.motions_valid(states[:-1], states[1:]).all()
     assert math.dist(states[-1, :2], goal[:2]) < math.dist(start[:2], goal[:2])
+
+
+def test_a_solved_result() -> None:
+    path = Path(np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 1.0], [3.0, 4.0, -1.0]]))
+    times: dict[str, float | None] = {"load": 0.25, "build": 0.5, "first_solution": 1.0, "total": 2.0}
+    result = PlanResult("solved", path, 7, 5.5, 9.0, 0.125, 20, 30, ((1.0, 9.0), (2.0, 6.5)), times)
+    assert result.cost == 6.5
+    record = result.to_dict("office", "door")
+    assert record == {
+        "world": "office",
+        "query": "door",
+        "planner": "landmark",
+        "status": "solved",
+        "reason": "",
+        "seed": 7,
+        "states": [[0.0, 0.0, 0.0], [3.0, 4.0, 1.0], [3.0, 4.0, -1.0]],
+        "cost": 6.5,
+        "length": 5.0,
+        "rotation": 3.0,
+        "min_clearance": 0.125,
+        "lower_bound": 5.5,
+        "first_cost": 9.0,
+        "landmarks": 20,
+        "edges": 30,
+        "history": [[1.0, 9.0], [2.0, 6.5]],
+        "time": times,
+    }
+    assert json.loads(json.dumps(record, allow_nan=False)) == record
+    # A copy: filling in the time of loading does not change the result.
+    record["time"]["load"] = 9.0
+    assert result.time["load"] == 0.25
+
+
+@pytest.mark.parametrize("status", ["timeout", "infeasible"])
+def test_a_result_without_a_path(status: str) -> None:
+    bound = 5.5 if status == "timeout" else None
+    result = PlanResult(status, None, 7, bound, None, None, 20, 30)  # type: ignore[arg-type]  # a parameter of the test
+    assert result.cost is None
+    record = result.to_dict("office")
+    assert (record["query"], record["status"], record["states"], record["history"]) == (None, status, [], [])
+    assert [record[key] for key in ("cost", "length", "rotation", "min_clearance", "first_cost")] == [None] * 5
+    assert record["lower_bound"] == bound
+    assert json.loads(json.dumps(record, allow_nan=False)) == record

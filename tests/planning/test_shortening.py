@@ -11,19 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.oracles import Oracle, judge
+from tests.helpers.oracles import judge
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
-from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
-from trailmark.motion import CurveMotion, motion_of
 from trailmark.planning import shorten
 from trailmark.roadmap import Roadmap
-from trailmark.shapes import Rectangle
-from trailmark.trajectories import CurvePath
-from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 
@@ -68,34 +63,6 @@ def test_paths_get_no_longer_and_stay_free(name: str, world: int, seed: int) -> 
     assert chart.checker.motions_valid(short[:-1], short[1:]).all()
 
 
-@pytest.mark.slow
-def test_much_is_gained() -> None:
-    gains = []
-    for name in ROBOTS:
-        for seed in range(3):
-            states = longest_way(roadmap(name, seed))
-            if len(states) > 4:
-                short = shorten(roadmap(name, seed).motion, states, np.random.default_rng(0))
-                gains.append(1.0 - cost(short, name != "disc") / cost(states, name != "disc"))
-    assert len(gains) > 10
-    assert np.mean(gains) > 0.15
-
-
-@pytest.mark.slow
-def test_added_vertices_lead_around_a_block() -> None:
-    # The shortest path bends twice; moved alone, the one bend that there is has nowhere better to go.
-    robot = Robot.rectangle(2.0, 1.0)
-    checker = StateChecker(World("block", (0, 0, 30, 20), (Rectangle((15.0, 6.0), 6.0, 12.0),)), robot)
-    states = np.array([[6.0, 6.0, 0.0], [15.0, 18.2, 0.0], [24.0, 6.0, 0.0]])
-    assert checker.motions_valid(states[:-1], states[1:]).all()
-    motion = motion_of(checker)
-    plain, split = (
-        [cost(shorten(motion, states, np.random.default_rng(s), tolerance=1e-5, splitting=on)) for s in range(9)]
-        for on in (False, True)
-    )
-    assert np.median(split) < np.median(plain), (split, plain)
-
-
 def test_seed_sweeps_and_deadline() -> None:
     chart = roadmap("L", 1)
     states = longest_way(chart)
@@ -120,41 +87,3 @@ def test_seed_sweeps_and_deadline() -> None:
 
 
 # --- a car's paths
-
-KINDS = [Steering(1.5), Steering(1.5, reverse=False)]
-NAMES = ["reeds-shepp", "dubins"]
-LORRY = Robot.rectangle(1.6, 0.8)
-
-
-def walked(checker: StateChecker, steering: Steering, seed: int, knots: int) -> np.ndarray:
-    """A path of certified curves to and fro."""
-    motions, rng = CurveMotion(checker, steering), np.random.default_rng(seed)
-    xmin, ymin, xmax, ymax = checker.world.bounds
-    while True:
-        q = rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi))
-        if checker.valid(q):
-            break
-    path = [q]
-    for _ in range(20_000):
-        near = path[-1] + rng.normal(0.0, 1.0, 3) * (3.0, 3.0, 0.8)
-        near[2] = np.arctan2(np.sin(near[2]), np.cos(near[2]))
-        if motions.motion_valid(path[-1], near):
-            path.append(near)
-        if len(path) == knots:
-            break
-    assert len(path) == knots
-    return np.array(path)
-
-
-@pytest.mark.parametrize("steering", KINDS, ids=NAMES)
-@pytest.mark.parametrize("seed", range(4))
-def test_shorter_and_still_free(steering: Steering, seed: int) -> None:
-    world = random_world(30 + seed, 30, size=40.0, discs=0.3)
-    checker = StateChecker(world, LORRY)
-    knots = walked(checker, steering, seed, 15)
-    short = shorten(CurveMotion(checker, steering), knots, np.random.default_rng(seed))
-    assert np.array_equal(short[[0, -1]], knots[[0, -1]])
-    before, after = CurvePath(knots, steering), CurvePath(short, steering)
-    assert steering.lengths(knots[0], knots[-1]) - 1e-6 <= after.length < 0.9 * before.length
-    assert CurveMotion(checker, steering).motions_valid(short[:-1], short[1:]).all()
-    assert not Oracle(world, LORRY).collides(after.resample(0.01).states).any()

@@ -8,7 +8,7 @@ import shapely
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, Rectangle, Robot, StateChecker, World, se2
+from trailmark import Disc, LandmarkPlanner, Path, Rectangle, Robot, StateChecker, World, se2
 from trailmark.collision.footprint import build_footprint
 from trailmark.planning.result import ReplanResult
 from trailmark.planning.space_time import MovingObstacles, motions_clear
@@ -136,23 +136,6 @@ def test_a_path_passes_what_crosses_it(world: World, name: str) -> None:
     again = planner.replan(here, GOAL, driven, speed=speed)
     assert again.path is not None
     check(again, later, robot, speed, here, GOAL)
-
-
-def test_a_path_that_passes_in_time_is_kept_and_one_swept_is_not() -> None:
-    robot, speed, path = ROBOTS["rectangle"], 2.0, Path(np.array([START, GOAL]))
-    planner = LandmarkPlanner(FIELD, robot, seed=0)
-    planner.update(FIELD.edited(add=[Moving(Disc((20.0, 10.0), 0.8), (0.0, 1.0), 8.0)]))
-    assert planner.replan(START, GOAL, path, speed=speed).kept
-    # Where steps do not help either, what is swept is avoided.
-    helpless = LandmarkPlanner(FIELD, robot, seed=0, settings=PlannerSettings(space_time_nodes=1))
-    helpless.update(FIELD.edited(add=[Moving(Disc((20.0, 2.0), 0.8), (0.0, 0.9), 12.0)]))
-    for avoiding, result in (
-        (planner, planner.replan(START, GOAL, path)),
-        (helpless, helpless.replan(START, GOAL, path, speed=speed)),
-    ):
-        assert not result.kept
-        assert result.path is not None
-        check(result, avoiding.world, robot, speed, START, GOAL)
 
 
 def test_a_robot_that_stands_in_what_will_be_swept_gets_out_of_the_way() -> None:

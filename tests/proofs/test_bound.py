@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -10,14 +12,16 @@ from benchmarks.soundness.scenes import SCALES
 from benchmarks.soundness.walls import ceiling_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.oracles import Oracle
+from tests.helpers.oracles import Oracle, sampled_cost
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import random_world
 
-from trailmark import se2
+from trailmark import CostZone, Objective, Polygon, SpeedZone, se2
 from trailmark.collision import StateChecker
+from trailmark.motion import Motion, motion_of
 from trailmark.proofs import LowerBound
 from trailmark.proofs.bound import LARGE
+from trailmark.proofs.eikonal import Eikonal
 from trailmark.proofs.region import free_region, grown
 from trailmark.shapes import Disc, Rectangle
 from trailmark.trajectories.path import Path
@@ -144,3 +148,52 @@ def test_what_geos_fills_is_told_by_the_judge_grown() -> None:
     judge_grown(wall, grown(np.array([wall], dtype=object), 1.0), 1.0)
     with pytest.raises(AssertionError):
         judge_grown(wall, [shapely.buffer(wall, 1.0, quad_segs=8)], 1.0)
+
+
+def weighted(world: World, objective: Objective | None = None, robot: Robot | None = None) -> Motion:
+    motion = motion_of(StateChecker(world, robot or Robot.disc(0.2)), objective=objective)
+    assert motion.weighted
+    return motion
+
+
+@pytest.mark.slow
+def test_no_weighted_path_costs_less() -> None:
+    rng, tight = np.random.default_rng(3), 0
+    for _ in range(few(16, of=6)):
+        zones: list[CostZone | SpeedZone] = []
+        for _ in range(rng.integers(1, 5)):
+            corner, sides = rng.uniform(0.0, 8.0, 2), rng.uniform(0.05, 6.0, 2)
+            x, y, u, v = *corner, *(corner + sides)
+            square = [(x, y), (u, y), (u, v), (x, v)]
+            zones.append(CostZone(Polygon(np.array(square, dtype=float)), float(rng.uniform(0.1, 5.0))))
+            zones.append(SpeedZone(Polygon(np.array(square[:3], dtype=float)), float(rng.uniform(0.1, 2.0))))
+        obstacles = tuple(Disc(tuple(rng.uniform(0.0, 10.0, 2)), float(rng.uniform(0.1, 1.0))) for _ in range(4))
+        world = World("w", (0.0, 0.0, 10.0, 10.0), obstacles, zones=tuple(zones))
+        length, hasty = (float(v) for v in rng.uniform(0.1, 2.0, 2))
+        objective = Objective(length, hasty, clearance=float(rng.choice([0.0, 3.0])))
+        eikonal = Eikonal(weighted(world, objective))
+        checker = eikonal.motion.checker
+        q = np.column_stack([rng.uniform(0.2, 9.8, (24, 2)), rng.uniform(-3.0, 3.0, 24)])
+        q = q[checker.valid(q)]
+        for a, b in zip(q[:-1:2], q[1::2], strict=False):
+            if checker.motion_valid(a, b):
+                direct = sampled_cost(world, objective, np.array([a, b]), 5e-3)
+                bound = eikonal.of(a, b)
+                assert bound <= direct * 1.002 + 0.02
+                tight += bound > 0.5 * direct
+    assert tight > few(20, of=6)
+
+
+def test_obstacles_stop_it() -> None:
+    """Through a wall that the disc cannot pass nothing leads; the bound goes round it, or claims nothing."""
+    wall = Rectangle((5.0, 4.0), 8.0, 1.0, np.pi / 2)
+    world = World(
+        "wall",
+        (0.0, 0.0, 10.0, 10.0),
+        (wall,),
+        zones=(CostZone(Polygon(np.array([(0, 0), (10, 0), (10, 10), (0, 10)], dtype=float)), 2.0),),
+    )
+    start, goal = np.array([2.0, 2.0, 0.0]), np.array([8.0, 2.0, 0.0])
+    assert Eikonal(weighted(world)).of(start, goal) > 2.0 * 13.0
+    shut = replace(world, obstacles=(Rectangle((5.0, 5.0), 10.0, 1.0, np.pi / 2),))
+    assert Eikonal(weighted(shut)).of(start, goal) == pytest.approx(0.0, abs=1e-9)

@@ -26,7 +26,6 @@ from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import FormatError, OutputError, TrailmarkError
 from trailmark.landmarks import free_samples
 from trailmark.roadmap import Roadmap, load_roadmap, read_route_graph
-from trailmark.roadmap.files import fingerprint
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 from trailmark.world.zones import OneWayZone
@@ -130,16 +129,6 @@ def variants() -> dict[str, tuple[World, Robot]]:
         "forward car": (first, steered(0.5, reverse=False)),
         **{f"one-way zone {i}": (replace(first, zones=(replace(zone, **c),)), robot) for i, c in enumerate(changes)},
     }
-
-
-def test_the_fingerprint_tells_worlds_and_robots_apart() -> None:
-    prints = {name: fingerprint(StateChecker(world, robot)) for name, (world, robot) in variants().items()}
-    assert len(set(prints.values())) == len(prints)
-    world, robot = variants()["itself"]
-    # What decides no collision does not count: name, queries, the grid's cells.
-    other = World("another", world.bounds, world.obstacles, robot)
-    assert fingerprint(StateChecker(other, cell=0.5)) == prints["itself"]
-    assert fingerprint(StateChecker(world, Robot.polygon(robot.outline.vertices))) == prints["itself"]
 
 
 @pytest.mark.slow

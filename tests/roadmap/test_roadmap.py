@@ -201,33 +201,6 @@ def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> N
     assert np.array_equal(roadmap.status[checked], whole.status[checked])
 
 
-@pytest.mark.parametrize("name", ["disc", "star", "forward car"])
-def test_the_networkx_graph_says_all(name: str) -> None:
-    roadmap = roadmap_for(name, n=80)
-    oracle = Oracle(roadmap.checker.world, roadmap.checker.robot)
-    graph, q = roadmap.graph, roadmap.configurations
-    assert type(graph) is (nx.DiGraph if roadmap.directed else nx.Graph)
-    assert list(graph.nodes) == list(range(80))
-    clearance = oracle.clearance(q)
-    for i, attributes in graph.nodes(data=True):
-        assert attributes == {
-            "configuration": tuple(q[i].tolist()),
-            "clearance": pytest.approx(clearance[i], abs=1e-6),
-        }
-    kind: Any = tuple if roadmap.directed else frozenset
-    status = {kind(pair): s for pair, s in zip(roadmap.edges.tolist(), roadmap.status.tolist(), strict=True)}
-    assert {kind(pair) for pair in graph.edges} == {pair for pair, s in status.items() if s != BLOCKED}
-    for u, v, attributes in graph.edges(data=True):
-        assert attributes == {
-            "length": pytest.approx(cost(roadmap, q[u], q[v]) if roadmap.directed else attributes["length"]),
-            "certified": status[kind((u, v))] == FREE,
-            "clearance": pytest.approx(min(clearance[u], clearance[v]), abs=1e-6),
-        }
-    # A copy: changing it does not change the roadmap.
-    graph.remove_node(0)
-    assert len(roadmap) == 80
-
-
 def test_arrays_that_do_not_agree_are_told_in_one_line() -> None:
     roadmap = roadmap_for("rectangle", n=20)
     checker, (q, edges, lengths, status) = roadmap.checker, roadmap.rows()

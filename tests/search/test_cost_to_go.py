@@ -28,9 +28,6 @@ LEAST, MOST = 70 / 71, 71 / 70
 SINGLE = 1e-6
 """Share of a cost by which single precision and sums in another order may differ."""
 
-DIAGONAL = 99 / (70 * math.sqrt(2.0))
-"""How far a diagonal step is off where both of its cells cost 70."""
-
 
 def cell_of(costs: CostToGo, point: complex) -> tuple[int, int]:
     """Row and column of the cell around a point of the bounds; what lies on the upper ones belongs to the last."""
@@ -59,34 +56,6 @@ def spelled_out(costs: CostToGo, dear: FloatArray, source: tuple[int, int]) -> F
     open_ = np.isfinite(weight)
     graph = csr_array((weight[open_], (a[open_], b[open_])), shape=(dear.size, dear.size))
     return np.asarray(dijkstra(graph, directed=False, indices=at[source])).reshape(dear.shape)
-
-
-@pytest.mark.parametrize("bounds", [(0.0, 0.0, 20.0, 20.0), (-30.0, 5.0, 30.0, 12.0), (3.0, -50.0, 4.0, 50.0)])
-@pytest.mark.parametrize("cells", [1, 7, 100, 900])
-def test_in_the_open_costs_are_octile_distances(bounds: tuple[float, float, float, float], cells: int) -> None:
-    xmin, ymin, xmax, ymax = bounds
-    checker = StateChecker(World("open", bounds, ()), Robot.disc(0.02))
-    for share in (0.5, 0.021, 0.93):
-        goal = np.array([xmin + share * (xmax - xmin), ymin + share * (ymax - ymin), 1.0])
-        costs = CostToGo.of(checker, goal, cells, 0.0)
-        rows, columns = costs.cost.shape
-        assert (costs.x0, costs.y0) == (xmin, ymin)
-        assert costs.size == pytest.approx(math.sqrt((xmax - xmin) * (ymax - ymin) / cells))
-        # The grid covers the bounds, and hardly more.
-        assert xmax - 1e-9 <= xmin + columns * costs.size < xmax + costs.size
-        assert ymax - 1e-9 <= ymin + rows * costs.size < ymax + costs.size
-        row, column = cell_of(costs, complex(*goal[:2]))
-        down, across = np.abs(np.arange(rows)[:, None] - row), np.abs(np.arange(columns)[None] - column)
-        octile = np.maximum(down, across) + (math.sqrt(2.0) - 1.0) * np.minimum(down, across)
-        # A last row or column that lies beyond the bounds for the most part may count as closed.
-        reached = np.isfinite(costs.cost)
-        assert reached[: max(1, rows - 1), : max(1, columns - 1)].all()
-        expected = costs.size * octile[reached]
-        assert (costs.cost[reached] >= (1.0 - SINGLE) * expected).all()
-        assert (costs.cost[reached] <= (DIAGONAL + SINGLE) * expected).all()
-        # Straight steps are not off at all.
-        straight = reached & ((down == 0) | (across == 0))
-        assert costs.cost[straight] == pytest.approx(costs.size * octile[straight], rel=SINGLE)
 
 
 @pytest.mark.slow

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.helpers.trials import trials
 
 from trailmark.collision import StateChecker
@@ -15,6 +18,11 @@ from trailmark.planning.pipeline import disc_path
 from trailmark.proofs import LowerBound
 from trailmark.se2 import FloatArray
 from trailmark.search.grid_tangents import GridTangents, TangentSearch
+from trailmark.search.heap import (
+    heap_grow,
+    heap_pop,
+    heap_push,
+)
 from trailmark.world import Robot, World
 
 SPARES = (2e-3, 2e-4, 2e-5)
@@ -87,3 +95,22 @@ def test_bounds_rise_while_the_search_goes_on_and_a_guide_is_soon_there() -> Non
     assert guided.expanded < 0.2 * search.expanded
     assert guided.bound == pytest.approx(59.0 * math.sqrt(2.0))
     assert search.length <= guided.length < 1.05 * search.length
+
+
+@pytest.mark.slow
+@given(st.lists(st.floats(-1e9, 1e9), max_size=40), st.data())
+def test_entries_come_out_smallest_first(numbers: list[float], data: st.DataObject) -> None:
+    keys, values, size = np.empty(1), np.empty(1, np.int64), 0
+    expected: list[float] = []
+    for value, key in enumerate(numbers):
+        if size == len(keys):
+            keys, values = heap_grow(keys, values)
+        size = heap_push(keys, values, size, key, value)
+        heapq.heappush(expected, key)
+        if data.draw(st.booleans()):
+            size = heap_pop(keys, values, size)
+            assert keys[size] == heapq.heappop(expected) == numbers[values[size]]
+    while size:
+        size = heap_pop(keys, values, size)
+        assert keys[size] == heapq.heappop(expected) == numbers[values[size]]
+    assert expected == []

@@ -42,14 +42,6 @@ def test_rows_follow_the_curves(reverse: bool) -> None:
     assert path.cost == path.length
 
 
-def test_what_a_program_needs_to_rebuild_the_curves() -> None:
-    record = made(reverse=False).record()
-    places = record.pop("places")
-    assert record == {"kind": "dubins", "turning_radius": 2.0, "knots": KNOTS.tolist()}
-    again = CurvePath(record["knots"], Steering(2.0, reverse=False), places)
-    assert np.array_equal(again.states, made(reverse=False).states)
-
-
 def test_states_at_given_places() -> None:
     path = made()
     places = np.array([0.0, 0.3, 0.3, path.length])

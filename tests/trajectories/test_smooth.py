@@ -25,9 +25,7 @@ from trailmark import (
     se2,
 )
 from trailmark.benchmark.referee import Referee
-from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
-from trailmark.trajectories import path_of as driven_path
 from trailmark.world.zones import OneWayZone
 
 BOX = Rectangle((5.0, 5.0), 2.0, 2.0)
@@ -59,18 +57,6 @@ def assert_correct(path: SmoothPath, world: World, robot: Robot, like: Path) -> 
     assert path.rotation == pytest.approx(Path(dense).rotation, rel=1e-3, abs=1e-6)
 
 
-def test_around_an_obstacle_that_the_corner_touches_the_path_swings_outwards() -> None:
-    # At the corner the robot's touches that of the box.
-    path = path_of((1.0, 3.5, 0.0), (6.3, 3.8, 0.0), (6.5, 9.0, 0.0))
-    checker = StateChecker(WORLD, ROBOT)
-    assert checker.clearance(path.states[1]) < 1e-6
-    assert checker.motions_valid(path.states[:-1], path.states[1:]).all()
-    smooth = path.smooth(checker)
-    assert len(smooth.stops) == 0
-    assert_correct(smooth, WORLD, ROBOT, path)
-    assert smooth.max_curvature < 5.0
-
-
 @pytest.mark.parametrize("robot", [Robot.rectangle(0.4, 0.4), Robot.disc(0.2)], ids=["square", "disc"])
 def test_a_clearance_is_kept_where_corners_are_cut(robot: Robot) -> None:
     walls = Polygon(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [3.8, 5.0], [3.8, 1.2], [0.0, 1.2]]))
@@ -82,19 +68,6 @@ def test_a_clearance_is_kept_where_corners_are_cut(robot: Robot) -> None:
     assert len(smooth.stops) == 0
     assert checker.clearance(smooth.resample(0.01).states).min() >= 0.25
     assert checker.motions_valid(smooth.states[:-1], smooth.states[1:]).all()
-
-
-@pytest.mark.slow
-def test_where_there_is_no_room_the_corner_is_a_stop() -> None:
-    # Two corridors a little wider than the robot, and a quarter of a turn between them.
-    walls = Polygon(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [4.0, 5.0], [4.0, 1.0], [0.0, 1.0]]))
-    world = World(name="corridor", bounds=(0.0, 0.0, 5.0, 5.0), boundary=walls)
-    robot = Robot.rectangle(1.0 - 1e-3, 1.0 - 1e-3)
-    path = path_of((1.0, 0.5, 0.0), (4.5, 0.5, 0.0), (4.5, 4.0, 0.0))
-    smooth = path.smooth(world, robot)
-    np.testing.assert_allclose(smooth.stops, [[4.5, 0.5, 0.0]], atol=1e-12)
-    np.testing.assert_array_equal(smooth.states, path.states)
-    assert smooth.timed(1.0, 1.0, 1.0).duration == pytest.approx(path.timed(1.0, 1.0, 1.0).duration)
 
 
 @pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
@@ -120,25 +93,6 @@ def assert_driven_free(path: SmoothPath, world: World, robot: Robot, step: float
         body = shapely.affinity.translate(body, x, y)
         assert shapely.intersection(body, taken).area < 1e-9
         assert shapely.covers(shapely.box(*world.bounds).buffer(1e-7), body)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("reverse", [True, False])
-def test_a_differential_drive_rounds_corners_along_its_heading(reverse: bool) -> None:
-    robot = ROBOT.differential(reverse=reverse)
-    checker = StateChecker(WORLD, robot)
-    # Two corners close together, one that the robot touches, and one with room.
-    knots = np.array([[1.0, 1.0, 1.0], [3.5, 3.4, 0.5], [3.6, 3.45, 0.0], [6.5, 3.55, 0.0], [6.6, 9.0, 2.0]])
-    path = driven_path(motion_of(checker), knots)
-    smooth = path.smooth(checker)
-    assert_correct(smooth, WORLD, robot, path)
-    assert_driven_free(smooth, WORLD, robot)
-    # It turns in place where it starts and where it ends.
-    np.testing.assert_allclose(smooth.stops[:, :2], [[1.0, 1.0], [6.6, 9.0]])
-    assert smooth.cost == pytest.approx(smooth.length + 0.5 * smooth.rotation)
-    trajectory = smooth.timed(1.0, 0.5, 1.0, 1.0)
-    assert_within_limits(trajectory)
-    assert trajectory.duration < 0.75 * path.timed(1.0, 0.5, 1.0, 1.0).duration
 
 
 @pytest.mark.slow
@@ -196,21 +150,6 @@ def test_what_cannot_be_smoothed_is_refused() -> None:
         AROUND.smooth(WORLD, ROBOT).smooth(WORLD, ROBOT)
     with pytest.raises(ConfigurationError, match="expected a car's path, got one of straight motions"):
         AROUND.smooth(WORLD, ROBOT.steered(1.0))
-
-
-def test_a_smooth_path_is_a_path_whose_curvature_may_be_bounded() -> None:
-    smooth = AROUND.smooth(WORLD, ROBOT, max_curvature=2.0)
-    assert smooth.max_curvature <= 2.0
-    assert len(smooth.stops) == 0
-    assert len(AROUND.smooth(WORLD, ROBOT, max_curvature=1e-3).stops) == 1
-    back = smooth.reversed()
-    assert back.length == pytest.approx(smooth.length)
-    np.testing.assert_allclose(back.at(0.3), smooth.at(0.7), atol=1e-2)
-    assert smooth == AROUND.smooth(WORLD, ROBOT, max_curvature=2.0)
-    assert smooth != AROUND
-    assert se2.distance(smooth.resample(0.05).states[:-1], smooth.resample(0.05).states[1:]).max() <= 0.05
-    stay = path_of((1, 1, 1)).smooth(OPEN, ROBOT)
-    assert (stay.length, stay.stops.shape) == (0.0, (0, 3))
 
 
 def test_directions_of_what_is_driven_are_allowed_by_one_way_zones() -> None:

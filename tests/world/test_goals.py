@@ -10,8 +10,7 @@ import pytest
 import shapely
 
 from trailmark import Goal, Polygon, Query, Rectangle, se2
-from trailmark.errors import ConfigurationError, InputWarning, TrailmarkError
-from trailmark.world.goals import goals_of
+from trailmark.errors import ConfigurationError, InputWarning
 from trailmark.world.zones import OneWayZone
 
 L_SHAPE = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)])
@@ -84,14 +83,6 @@ def test_a_region_is_the_polygons_with_its_outline() -> None:
 def test_what_is_no_goal_is_refused(options: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         Goal(**options)  # type: ignore[arg-type]  # that is the point
-
-
-def test_goals_are_told_from_configurations() -> None:
-    assert goals_of([1.0, 2.0, 3.0]) is goals_of(np.zeros(3)) is goals_of(None) is goals_of(()) is None
-    assert goals_of(GOALS[0]) == (GOALS[0],)
-    assert goals_of(list(GOALS)) == GOALS
-    with pytest.raises(TrailmarkError, match=r"goal\[1\]: expected Goal, got"):
-        goals_of([GOALS[0], (1, 2, 3)])
 
 
 @pytest.mark.parametrize(

@@ -64,13 +64,6 @@ def test_missing_files_and_directories(tmp_path: Path) -> None:
         read_world(tmp_path)
 
 
-def test_a_file_beyond_the_limit(tmp_path: Path) -> None:
-    with (tmp_path / "a.yaml").open("wb") as file:
-        file.truncate(2**27 + 1)  # sparse: takes no room
-    with pytest.raises(FormatError, match="expected at most 134,217,728 bytes, got 134,217,729"):
-        World.load(tmp_path / "a.yaml")
-
-
 SEEDS = (YAML, GRID, INI + "robot = a.dae\nworld = b.dae\nstart.x = 1\n", "image: a.png\nresolution: 0.1\n")
 
 

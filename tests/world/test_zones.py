@@ -9,22 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
-from trailmark import (
-    CostZone,
-    Disc,
-    KeepOutZone,
-    Objective,
-    OneWayZone,
-    Polygon,
-    Robot,
-    SpeedZone,
-    StateChecker,
-    World,
-    check_path,
-)
-from trailmark.errors import ConfigurationError, WorldError
-from trailmark.world import with_keep_outs
+from trailmark import CostZone, KeepOutZone, Objective, OneWayZone, Polygon, SpeedZone, StateChecker, check_path
+from trailmark.errors import ConfigurationError, TrailmarkError, WorldError
+from trailmark.shapes import Disc
+from trailmark.world import BOUNDS_LIMIT, Query, Robot, World, with_keep_outs
+from trailmark.world.moving import Moving
 
 SQUARE = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
 HOLE = [[0.5, 0.5], [1.0, 0.5], [1.0, 1.0]]
@@ -124,3 +115,49 @@ def test_what_is_no_objective_is_refused_in_one_line(given: object, message: str
     with pytest.raises(ConfigurationError, match=message) as caught:
         Objective.of(given)  # type: ignore[arg-type]  # on purpose
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        *((0, 0, 1), (0, 0, 1, 1, 1), (1, 0, 1, 1), (0, 2, 1, 1), ("a", 0, 1, 1), None, 7),
+        *((0, 0, math.inf, 1), (0, math.nan, 1, 1), (0, 0, 2 * BOUNDS_LIMIT, 1), (0, 0, 10**400, 1)),
+    ],
+)
+def test_bad_bounds_are_refused_in_one_line(bounds: Any) -> None:
+    with pytest.raises(WorldError, match="bounds: expected") as caught:
+        World("w", bounds)
+    assert "\n" not in str(caught.value)
+
+
+def test_obstacles_are_added() -> None:
+    world = World("w", (0, 0, 9, 9), (Disc((1, 1), 0.5),), Robot.disc(0.1), ids=("bin",))
+    pair = shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(2, 2, 3, 3)])
+    more = world.add(Disc((5, 5), 1), pair, Moving(Disc((3, 3), 0.2), (1, 0), 2))
+    assert len(more.obstacles) == 5
+    assert more.obstacles[:2] == (world.obstacles[0], Disc((5, 5), 1))
+    assert more.ids == ("bin", None, None, None, None)
+    assert more.moving[4] is not None
+    assert more.robot == world.robot
+    assert len(world.obstacles) == 1
+    assert world.difference(more).items[0].after == Disc((5, 5), 1)
+    assert world.edited(add={"box": shapely.box(0, 0, 1, 1)}).ids == ("bin", "box")
+    assert world.add() == world
+    for wrong in (7, "disc", None, shapely.Point(1, 1), [Disc((1, 1), 1)]):
+        with pytest.raises(TrailmarkError, match="add"):
+            world.add(wrong)
+
+
+def test_queries_are_found_by_name() -> None:
+    queries = (Query("door", (0, 0, 0), (1, 1, 0)), Query("desk", (0, 0, 0), (2, 2, 0)))
+    world = World("office", (0, 0, 9, 9), queries=queries)
+    assert world.query().name == "door"
+    assert world.query("desk") is queries[1]
+    with pytest.raises(WorldError, match=r"query: expected desk, door, got 'dor' \(did you mean 'door'\?\)"):
+        world.query("dor")
+    with pytest.raises(WorldError, match="holds no query"):
+        World("empty", (0, 0, 1, 1)).query()
+    with pytest.raises(WorldError, match="holds no query 'door', give a start and a goal"):
+        World("empty", (0, 0, 1, 1)).query("door")
+    with pytest.raises(WorldError, match="expected each name once, got 'door' more than once"):
+        World("twice", (0, 0, 9, 9), queries=(*queries, queries[0]))

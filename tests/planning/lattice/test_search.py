@@ -130,14 +130,7 @@ def cells_crossed(robot: Robot, way: FloatArray, size: float, headings: int) -> 
     retracts=st.booleans(),
 )
 def test_ways_are_certified_repeatable_and_end_where_they_should(
-    name: str,
-    world: int,
-    seed: int,
-    headings: int,
-    size: float,
-    weight: float,
-    multi_steps: bool,
-    retracts: bool,
+    name: str, world: int, seed: int, headings: int, size: float, weight: float, multi_steps: bool, retracts: bool
 ) -> None:
     judged = checker(name, world)
     ends = valid_states(judged, 2, np.random.default_rng(seed))
