@@ -10,7 +10,6 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 from tests.helpers.oracles import Oracle
 from tests.helpers.worlds import ROBOTS, random_world
 
@@ -81,14 +80,6 @@ def clumped(n: int, seed: int) -> FloatArray:
     return q
 
 
-def inertia(q: FloatArray, landmarks: FloatArray, radius: float) -> float:
-    """Sum of the squared distances of the samples to their nearest landmark."""
-    one, other = (
-        np.column_stack([p[:, :2], radius * np.cos(p[:, 2]), radius * np.sin(p[:, 2])]) for p in (q, landmarks)
-    )
-    return float((cdist(one, other).min(axis=1) ** 2).sum())
-
-
 @pytest.mark.slow
 @settings(max_examples=50)
 @given(n=st.integers(1, 60), k=st.integers(1, 80), radius=st.sampled_from([0.0, 0.5, 3.0]), seed=st.integers(0, 999))
@@ -104,13 +95,3 @@ def test_landmarks_are_samples_and_no_two_the_same(n: int, k: int, radius: float
     if k >= n:
         assert np.array_equal(found, q)
         assert not np.shares_memory(found, q)
-
-
-@pytest.mark.parametrize("radius", [0.0, 2.0])
-@pytest.mark.parametrize("seed", range(3))
-def test_landmarks_spread_better_than_a_random_subset(seed: int, radius: float) -> None:
-    q, rng = clumped(1000, seed), np.random.default_rng(seed)
-    found = inertia(q, k_means_landmarks(q, 50, radius=radius, random_state=seed), radius)
-    chance = [inertia(q, q[rng.choice(1000, 50, replace=False)], radius) for _ in range(20)]
-    assert found < min(chance)
-    assert found < 0.9 * np.mean(chance)

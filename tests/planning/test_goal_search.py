@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 from functools import cache
 from math import pi
 
@@ -122,19 +121,6 @@ def test_a_path_ends_within_its_goal(name: str, robot: str) -> None:
         guess = np.array([*goal.pose, START[2]])[:3]
         assert result.cost is not None
         assert result.cost <= 1.02 * cost_to(robot, *guess.tolist())
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_a_start_inside_is_a_path_of_one_state(robot: str) -> None:
-    goal = Goal(region=box(1.0, 1.0, 0.5), cost=0.25)
-    result = plan(room(robot), goal, Goal((8.5, 2.0, 1.0)))
-    assert result.path is not None
-    assert len(result.path.states) == 1
-    assert result.cost == result.lower_bound == 0.25
-    # A dearer place to stay than to go somewhere else.
-    result = plan(room(robot), replace(goal, cost=1.0), Goal((1.3, 1.1, 0.3)))
-    assert result.goal is not None
-    assert result.goal.index == 1
 
 
 @pytest.mark.slow

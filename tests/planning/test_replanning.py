@@ -115,22 +115,6 @@ def test_a_door_that_opens_is_taken(name: str) -> None:
         judge(worlds[-1], robot, last.states[0], last.states[-1], np.array(last.resample(0.003).states))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(DRIVES))
-def test_a_direct_motion_is_used_once_it_is_free(name: str) -> None:
-    robot, start, goal = DRIVES[name], np.array([1.0, 3.0, 0.0]), np.array([9.0, 3.0, 0.0])
-    wall = World("wall", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 3.0), 0.4, 6.0),))
-    planner = LandmarkPlanner(wall, robot, seed=0)
-    detour = planner.plan(start, goal, time_limit=10.0, max_iterations=1).path
-    assert detour is not None
-    assert detour.cost > 9.0
-    planner.update(wall.edited(remove=[0]))
-    # Whoever made the path, and whatever the planner did meanwhile.
-    planner.plan(goal, start)
-    assert planner.replan(start, goal, detour).cost == pytest.approx(8.0)
-    assert LandmarkPlanner(planner.world, robot, seed=0).replan(start, goal, detour).cost == pytest.approx(8.0)
-
-
 def test_no_path_says_so() -> None:
     planner, path = planner_with_path()
     planner.update(OPEN.edited(add=[Rectangle((25.0, 10.0), 1.0, 20.0)]))

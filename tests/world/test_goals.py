@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark import Goal, Polygon, Query, Rectangle, se2
+from trailmark import Goal, Polygon, Query, Rectangle
 from trailmark.errors import ConfigurationError, InputWarning
 from trailmark.world.zones import OneWayZone
 
@@ -41,19 +41,6 @@ def test_what_is_nearest_or_drawn_lies_inside_exactly(goal: Goal) -> None:
     inside = goal.draw(rng, 50)
     assert np.array_equal(goal.nearest(inside), inside)
     assert goal.contains(q[0]).shape == ()
-
-
-@pytest.mark.parametrize("goal", GOALS)
-def test_nothing_inside_is_nearer_than_what_is_called_nearest(goal: Goal) -> None:
-    rng = np.random.default_rng(7)
-    center, radius = goal.disc
-    q = np.column_stack([center + rng.normal(0.0, 1.0 + 2.0 * radius, (40, 2)), rng.uniform(-pi, pi, 40)])
-    nearest, others = goal.nearest(q), goal.draw(rng, 3000)
-    for state, found in zip(q, nearest, strict=True):
-        away = np.hypot(*(others - state)[:, :2].T).min()
-        assert np.hypot(*(found - state)[:2]) <= away + 1e-6
-        turn = np.abs(se2.wrap(others[:, 2] - state[2])).min()
-        assert abs(se2.wrap(found[2] - state[2])) <= turn + 1e-9
 
 
 def test_a_region_is_the_polygons_with_its_outline() -> None:

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import shapely
-import shapely.affinity
 from tests.helpers.oracles import Oracle
 
 from trailmark import Disc, FormatError, Polygon, Rectangle, World
@@ -43,40 +41,10 @@ def test_name_and_queries(world: World) -> None:
     assert all(query.name.startswith("infeasible") == (world.name == "enclosed") for query in world.queries)
 
 
-def region(shape: Disc | Rectangle | Polygon) -> shapely.Geometry:
-    """The shape's region; for a disc its centre alone, the radius is subtracted from distances."""
-    if isinstance(shape, Disc):
-        return shapely.Point(shape.center)
-    if isinstance(shape, Rectangle):
-        a, b = shape.length / 2, shape.width / 2
-        turned = shapely.affinity.rotate(shapely.box(-a, -b, a, b), shape.heading, (0, 0), use_radians=True)
-        return shapely.affinity.translate(turned, *shape.center)
-    return shapely.Polygon(shape.vertices, shape.holes)
-
-
-def radius(shape: Disc | Rectangle | Polygon) -> float:
-    return shape.radius if isinstance(shape, Disc) else 0.0
-
-
 def test_starts_and_goals_keep_clear(world: World) -> None:
     assert world.robot is not None
     ends = np.array([end for query in world.queries for end in (query.start, query.goal)])
     assert Oracle(world, world.robot).clearance(ends).min() > 0.09
-
-
-def test_enclosed_is_infeasible_even_for_the_inscribed_disc() -> None:
-    world = World.load(shipped_worlds()["enclosed"])
-    assert world.robot is not None
-    assert isinstance(world.robot.footprint, Rectangle)
-    r = world.robot.footprint.width / 2 - 1e-6
-    # shapely's round buffers are polygons inside the true ones, so the free space here is too large, if anything.
-    grown = [region(each).buffer(radius(each) + r) for each in world.obstacles]
-    free = shapely.box(*world.bounds).buffer(-r).difference(shapely.union_all(grown))
-    rooms = shapely.get_parts(free)
-    for query in world.queries:
-        start, goal = (np.flatnonzero(shapely.contains(rooms, shapely.Point(q[:2]))) for q in (query.start, query.goal))
-        assert len(start) == len(goal) == 1
-        assert start != goal, query.name
 
 
 def test_file_wins_over_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -148,7 +148,7 @@ def test_ways_are_certified_repeatable_and_end_where_they_should(
         assert np.array_equal(way, again[0])
         assert np.array_equal(ends, before)
         if len(way):
-            judge(judged.world, judged.robot, *ends, way)
+            judge(judged.world, judged.robot, ends[0], ends[1], way)
             assert judged.motions_valid(way[:-1], way[1:]).all()
             if not retracts:
                 spans = cells_crossed(judged.robot, way, size, lattice.headings)
