@@ -202,3 +202,12 @@ def test_threads_may_share_a_scene() -> None:
                 assert look.result() == [collides[i] for i in order]
     finally:
         sys.setswitchinterval(interval)
+
+
+def test_a_checker_needs_a_robot_and_a_cell() -> None:
+    world = WORLDS["no obstacles"]
+    with pytest.raises(WorldError, match="names no robot"):
+        StateChecker(world)
+    for cell in (0.0, math.nan):
+        with pytest.raises(WorldError, match="cell: "):
+            StateChecker(world, Robot.disc(1), cell=cell)

@@ -120,6 +120,8 @@ def test_the_gap_to_the_core_is_a_bound(name: str) -> None:
 
 
 def test_a_core_that_lost_a_part_is_far_from_it() -> None:
+    # A footprint thinner than the erosion has none, and must not fail for it.
+    assert len(build_footprint(Robot.rectangle(4.0, 1e-7)).core) == 0
     dumbbell = [(0, 0), (1, 0), (1, 0.5), (2, 0.5), (2, 0), (3, 0), (3, 1), (2, 1)]
     dumbbell += [(2, 0.5 + 1e-7), (1, 0.5 + 1e-7), (1, 1), (0, 1)]
     robot = Robot.polygon(dumbbell)

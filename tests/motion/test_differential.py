@@ -11,6 +11,7 @@ import pytest
 from trailmark.collision import StateChecker
 from trailmark.motion import DifferentialMotion, motion_of
 from trailmark.se2 import FloatArray, difference
+from trailmark.shapes import Disc
 from trailmark.trajectories import path_of
 from trailmark.verify import RIM, Verifier
 from trailmark.world import Robot, World
@@ -87,3 +88,14 @@ def test_the_final_check_refuses_what_cannot_be_driven() -> None:
         fault = Verifier(OPEN, robot, RIM).fault(type(other)(states), states[0], states[-1])
         assert fault is not None
         assert "neither a turn in place nor a drive ahead" in fault
+
+
+def test_the_least_cost_and_turns_to_even_headings() -> None:
+    wall = World("wall", (-5.0, -5.0, 5.0, 5.0), (Disc((0.0, 0.34), 0.1),))
+    start, goal = np.array([0.0, 0.0, 0.2]), np.array([1.0, 1.0, 1.0])
+    for reverse in (False, True):
+        motion = motion_in(wall, CART.differential(reverse))
+        assert 0.0 < motion.least_cost(start, goal) <= motion.costs(start[None], goal[None])[0]
+        # Of four headings ahead is the nearest one; in a wall there is none.
+        assert motion.turned(start, 4).tolist() == [0.0, 0.0, 0.0]
+        assert motion.turned(np.array([0.0, 0.34, 0.2]), 4).tolist() == [0.0, 0.34, 0.2]

@@ -76,3 +76,10 @@ def test_of_several_shortest_curves_all_that_are_free_are_found() -> None:
     blocked_own, blocked_others = free_ones((Disc((far[0], far[1]), 0.05),))
     assert blocked_own
     assert 1 <= blocked_others < others
+
+
+def test_contact_is_left_to_fcl_and_allowed() -> None:
+    world = World("wall", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 5.0), 2.0, 2.0),))
+    single = PointwiseChecker(StateChecker(world, Robot.rectangle(1.0, 1.0)))
+    assert single.step_valid(3.0, 5.0, 0.0, 3.5, 5.0, 0.0)
+    assert not single.step_valid(3.0, 5.0, 0.0, 3.5 + 1e-6, 5.0, 0.0)

@@ -15,6 +15,7 @@ from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.benchmark.public.graded import corner_ends
 from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.settings import PlannerSettings
 from trailmark.proofs.background import Background, in_time
@@ -193,6 +194,9 @@ def test_what_is_no_longer_wanted_ends_soon() -> None:
         assert not proof.running
         assert not proof.found()
     proof_of(SLIT).end()  # it never began
+    proof = proof_of(SLIT).begin()
+    proof.end()
+    assert not proof.running
     assert others() == 0
 
 
@@ -203,3 +207,31 @@ def test_an_error_is_raised_where_the_result_is_asked_for() -> None:
     with pytest.raises(ZeroDivisionError):
         in_time(10.0, fail)
     assert in_time(0.0, lambda stop: threading.Event().wait(0.2)) is None
+
+
+def test_discs_are_left_to_the_triangles_and_bad_ends_are_told() -> None:
+    assert not enclosed(StateChecker(wall_with_gap(0.5), Robot.disc(0.4)), (2.0, 2.0, 0.0), (9.0, 2.0, 0.0))
+    with pytest.raises(ConfigurationError, match="goal"):
+        enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), (2.0, 2.0, 0.0), (9.0, math.nan, 0.0))
+    with pytest.raises(ConfigurationError, match="start: expected shape"):
+        enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), np.zeros((2, 3)), (9.0, 2.0, 0.0))
+
+
+def test_a_place_with_two_headings_that_are_apart_takes_two_enclosures() -> None:
+    # A slot as wide as the robot, shut at both ends: there is no turning round in it.
+    walls = (
+        Rectangle((3.0, 1.3), 2.4, 0.4),
+        Rectangle((3.0, 2.3), 2.4, 0.4),
+        *(Rectangle((x, 1.8), 0.2, 1.4) for x in (1.9, 4.1)),
+    )
+    checker = StateChecker(World("slot", (0.0, 0.0, 6.0, 4.0), walls), Robot.rectangle(0.9, 0.5))
+    place = np.array([[3.0, 1.8]])
+    assert checker.valid((3.0, 1.8, 0.0))
+    assert shut_off(checker, np.array([0.7, 0.7, 0.0]), place[0], place, seconds=SECONDS).all()
+
+
+def test_nothing_is_told_of_round_robots_or_without_time() -> None:
+    closed = wall_with_gap(0.3)
+    for robot, seconds in ((Robot.disc(0.4), SECONDS), (ROBOTS["rectangle"], 0.0)):
+        checker = StateChecker(closed, robot)
+        assert not shut_off(checker, np.array([2.0, 2.0, 0.0]), np.array([9.0, 2.0]), PLACES, seconds=seconds).any()

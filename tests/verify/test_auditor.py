@@ -186,6 +186,8 @@ def test_a_car_s_curve_is_audited_not_the_chords_of_its_states() -> None:
 
 
 def test_at_a_single_state_the_robot_stands() -> None:
+    world = World("w", BOUNDS, (BOX,), SQUARE)
+    assert check_path(world, None, [[5, 10, 0]]) == check_path(world, SQUARE, [[5, 10, 0]])
     # As in the path of a plan whose start is as near to its goal as is asked for.
     for place, free in ((5.0, True), (10.0, False)):
         found = audit((BOX,), SQUARE, [[place, 10, 0]])
