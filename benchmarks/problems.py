@@ -9,7 +9,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
-from tests.helpers.random_worlds import L_SHAPE, ROBOTS, random_world
+from tests.helpers.worlds import L_SHAPE, ROBOTS, random_world
 
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.public.graded import corner_ends, passage_world

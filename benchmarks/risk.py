@@ -30,7 +30,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.stats import beta
 from tests.helpers.alignment import Alignment, aligned
-from tests.helpers.random_worlds import star_polygon
+from tests.helpers.worlds import star_polygon
 
 from benchmarks.report import Claim, keep
 from trailmark.errors import TrailmarkError

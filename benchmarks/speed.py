@@ -104,8 +104,7 @@ QUESTIONS: dict[str, Callable[[str, int], Answer]] = {
 
 def write_problems(folder: Path, worlds: int) -> Iterator[tuple[str, str]]:
     """Write the problems as world files, one query each; yield the question's name and the file."""
-    from tests.helpers.grid_worlds import KINDS, far_pairs, write_map
-    from tests.helpers.random_worlds import ROBOTS, random_world
+    from tests.helpers.worlds import GRID_KINDS, ROBOTS, far_pairs, random_world, write_map
 
     from benchmarks.problems import cars, cases
     from trailmark.benchmark.public.graded import corner_ends
@@ -121,7 +120,7 @@ def write_problems(folder: Path, worlds: int) -> Iterator[tuple[str, str]]:
         yield put("first path", case.problem.world)
     for case in cars():
         yield put("first path, cars", case.problem.world)
-    for kind, make in KINDS.items():
+    for kind, make in GRID_KINDS.items():
         rng = np.random.default_rng(1)
         cells = make(rng, 512)
         write_map(folder / f"{kind}.map", cells, far_pairs(cells, rng, 1))

@@ -13,8 +13,8 @@ from pathlib import Path
 import numba
 import pytest
 from hypothesis import HealthCheck, settings
+from tests.helpers.trials import THOROUGH
 from tests.support.forks import Forks
-from tests.support.trials import THOROUGH
 
 ROOT = Path(__file__).resolve().parents[1]
 COMPILED = "trailmark/compiled"

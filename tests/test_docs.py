@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import yaml
 from tests.helpers.processes import run_in_turn
-from tests.support.brief import briefly
+from tests.helpers.trials import briefly
 
 from trailmark import World
 

@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from docs.api_pages import public_names
 from tests.helpers.processes import run_python
-from tests.support.brief import briefly
+from tests.helpers.trials import briefly
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

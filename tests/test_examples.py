@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 from tests.helpers.processes import run_python
-from tests.support.brief import briefly
+from tests.helpers.trials import briefly
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 from benchmarks.fuzzing.targets import TARGETS
 from benchmarks.soundness.workers import Worker
+from tests.helpers.trials import few
 from tests.support.fuzzed import attack_if_available
-from tests.support.trials import few
 
 COUNT = few(12)
 """Damaged files for each reader: seconds in all; ``python -m benchmarks.fuzz`` takes as long as it is given."""

@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 from numba.core import event
 from tests.helpers.processes import run_python
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark import jit
 from trailmark.jit import callee, compiling_for, kernel_digest, njit

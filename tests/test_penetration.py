@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark import se2
 from trailmark.errors import ShapeError

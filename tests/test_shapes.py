@@ -10,7 +10,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.helpers.random_worlds import star_polygon
+from tests.helpers.worlds import star_polygon
 
 from trailmark.errors import ShapeError
 from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, signed_area, triangulate

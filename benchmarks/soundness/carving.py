@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import star_polygon
+from tests.helpers.worlds import star_polygon
 
 from benchmarks.soundness.reference import Reference, moves
 from benchmarks.soundness.scenes import SCALES, random_robot, scaled, turned

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
+from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
 from trailmark.errors import ShapeError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
-from tests.helpers.oracle import Oracle
-from tests.support.trials import few
+from tests.helpers.oracles import Oracle
+from tests.helpers.trials import few
 
 from trailmark.benchmark import native
 from trailmark.benchmark.native import (

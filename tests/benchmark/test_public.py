@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 from PIL import Image
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.public import PUBLIC

@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.benchmark.conftest import GOAL, START, small_world
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark import se2
 from trailmark.benchmark.referee import PRECISE, Referee, path_measures

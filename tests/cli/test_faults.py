@@ -18,7 +18,7 @@ import pytest
 from tests.benchmark.conftest import experiment, solved
 from tests.cli.logs import recorded
 from tests.helpers.made_results import random_results
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.store import Store

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
-from tests.support.trials import pairs, trials
+from tests.helpers.trials import pairs
 
 from trailmark.collision import StateChecker
+from trailmark.collision.fcl_scene import FclScene
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
@@ -143,34 +143,6 @@ def test_squares_that_share_edges_and_corners(cell: float | None, origin: tuple[
             assert (checker.valid(q) == expected).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", trials(8, of=2))
-def test_lattices_of_diagonals(seed: int) -> None:
-    # Triangles and diamonds with whole coordinates: edges through cell corners, vertices on edges.
-    rng = np.random.default_rng(seed)
-    origin = np.array([(0, 0), (-7, 3), (1e5, -1e5), (4096, -333)][seed % 4], dtype=float)
-    shapes = []
-    for _ in range(12):
-        s = int(rng.integers(1, 4))
-        kind = [
-            [[0, 0], [s, 0], [s, s], [0, s]],
-            [[s, 0], [2 * s, s], [s, 2 * s], [0, s]],
-            [[0, 0], [s, 0], [0, s]],
-            [[0, 0], [2 * s, s], [s, 2 * s]],
-        ][int(rng.integers(4))]
-        shapes.append(Polygon(np.array(kind) + rng.integers(0, 12, 2) + origin))
-    world = World("diagonals", (*origin, *(origin + 12)), tuple(shapes))
-    for robot in (Robot.rectangle(0.5, 0.25), Robot.disc(0.25), Robot.rectangle(1, 1), Robot.polygon(SQUARE[:3])):
-        distance, column = int(rng.integers(1, 12)), int(rng.integers(2, 40))
-        checker = StateChecker(world, robot, cell=distance / (column - 0.8137))
-        at = rng.integers(0, 97, (1500, 2)) / 8 + origin
-        q = np.column_stack([at, rng.integers(-3, 5, 1500) * math.pi / 4])
-        oracle, valid = Oracle(world, robot), checker.valid(q)
-        assert not oracle.disagrees(q, valid).any()
-        # Contact is exact here, so all that does not collide by the band must be valid, touching included.
-        assert (valid == ~oracle.collides(q)).all()
-
-
 @pytest.mark.parametrize("half", [5.0, 0.5, 0.05, 0.01])
 def test_a_sharp_tip_reaches_no_deeper_than_any_other_part(half: float) -> None:
     """The tip's half angle is given in degrees; the robot drives at a wall, and along inside of one."""
@@ -184,3 +156,25 @@ def test_a_sharp_tip_reaches_no_deeper_than_any_other_part(half: float) -> None:
             assert not checker.valid((5.0 + depth, 5.0, turned))
             sliding = [(5.0 + depth, 5.0 + k * 5e-7, turned) for k in range(3)]
             assert not checker.motions_valid(sliding[:-1], sliding[1:]).any()
+
+
+def square(x: float, y: float, size: float) -> Polygon:
+    return Polygon(np.array([[x, y], [x + size, y], [x + size, y + size], [x, y + size]]))
+
+
+@pytest.mark.parametrize("robot", [Robot.disc(1.0), Robot.rectangle(2.0, 1.0)])
+@pytest.mark.parametrize("kept", [1e-9, 7e-8, 1e-7, 2e-7, 0.1])
+def test_a_clearance_is_kept_however_small(robot: Robot, kept: float) -> None:
+    world = World("w", (0.0, 0.0, 10.0, 8.0), (Rectangle((6.0, 4.0), 2.0, 8.0),))
+    checker = StateChecker(world, robot, clearance=kept)
+    # Dilated by the clearance, it overlaps by no more than 1e-7 m.
+    assert not checker.valid((4.0 - kept + 1.1e-7, 4.0, 0.0))
+    assert not checker.valid((4.0 + 1e-9, 4.0, 0.0))
+    assert checker.valid((4.0 - kept - 1e-8, 4.0, 0.0))
+
+
+@pytest.mark.parametrize("radius", [1e-6, 1e-7, 5e-8, 1e-12])
+def test_the_smallest_disc_still_collides(radius: float) -> None:
+    scene = FclScene(World("w", (0, 0, 10, 10), (square(4, 4, 2),)), Robot.disc(radius))
+    assert scene.collides(np.array((5.0, 5.0, 0.0)))
+    assert not scene.collides(np.array((3.0, 5.0, 0.0)))

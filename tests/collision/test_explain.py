@@ -7,8 +7,6 @@ import re
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_states, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.collision.explain import invalid_reason
@@ -74,17 +72,3 @@ def test_the_reason_names_the_obstacle_and_the_depth(
     assert message.startswith("start (")
     assert message.endswith(f"is not valid: the robot ({robot.describe()}) {said}")
     assert "\n" not in message
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_every_invalid_configuration_has_a_reason_with_a_size(name: str) -> None:
-    clutter = random_world(6, 60, size=30.0, radii=(0.2, 3.0), discs=0.3, holes=0.4, boundary=True)
-    robot = ROBOTS[name]
-    q = random_states(clutter, 100, np.random.default_rng(4), 1.0)
-    colliding = q[Oracle(clutter, robot).collides(q)]
-    assert len(colliding) > 20
-    for row in colliding:
-        said = invalid_reason(clutter, robot, row)
-        found = re.fullmatch(r"(reaches|overlaps obstacle \d+ \(\w+\) by) (\S+) m( over .*)?", said)
-        assert found, said
-        assert float(found[2]) > 1e-7

@@ -6,32 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.random_worlds import random_world
+from tests.helpers.oracles import signed_distances
+from tests.helpers.trials import few
+from tests.helpers.worlds import random_world
 
+from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField, build_field
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import build_grid
-from trailmark.shapes import Disc, Polygon
+from trailmark.shapes import Polygon
 from trailmark.world import World
-
-
-def free_distance(world: World, points: np.ndarray) -> np.ndarray:
-    """Return the distance of points to all that blocks them, 0 inside of it."""
-    free = shapely.box(*world.bounds)
-    if world.boundary is not None:
-        free = shapely.intersection(free, world.boundary.shapely())
-    places = shapely.points(points)
-    distance = np.where(shapely.contains(free, places), shapely.distance(shapely.boundary(free), places), 0.0)
-    for shape in world.obstacles:
-        if isinstance(shape, Disc):
-            gap = np.hypot(*(points - np.array(shape.center)).T) - shape.radius
-        else:
-            gap = shapely.distance(shape.polygon().shapely(), places)
-        distance = np.minimum(distance, np.maximum(gap, 0.0))
-    return np.asarray(distance)
 
 
 def values_at(field: ClearanceField, points: np.ndarray) -> np.ndarray:
@@ -56,7 +42,7 @@ def test_the_distance_lies_within_the_slack(seed: int, cell: float, origin: tupl
     field = build_field(grid)
     assert field.slack >= grid.size * np.sqrt(2.0)
     points = rng.uniform(-1.0, 9.0, (500, 2)) + np.array(origin)
-    true = free_distance(world, points)
+    true = signed_distances(world, points)[0]
     value = values_at(field, points)
     rounding = 1e-7 if origin[0] > 1e6 else 1e-9
     assert (true >= value - field.slack - rounding).all()
@@ -75,3 +61,28 @@ def test_cells_inside_of_an_obstacle_are_occupied_although_no_edge_touches_them(
     assert full[2] > 0.0
     assert ring[0] > 2.0
     assert ring[1] == 0.0
+
+
+@pytest.mark.slow
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.3, 2.0]), st.booleans())
+@settings(max_examples=few(20))
+def test_clearance_and_depth_agree_with_shapely(seed: int, cell: float, boundary: bool) -> None:
+    rng = np.random.default_rng(seed)
+    world = random_world(
+        seed, int(rng.integers(0, 12)), size=8.0, radii=(0.2, 2.0), discs=0.4, holes=0.4, boundary=boundary
+    )
+    grid = build_grid(world, cell)
+    points = rng.uniform(0.0, 8.0, (150, 2))
+    gap, depth = signed_distances(world, points)
+    for cap in (0.1, 1.0):
+        clearance = np.array([point_clearance(grid, x, y, cap) for x, y in points])
+        assert clearance == pytest.approx(np.minimum(gap, cap), abs=1e-9)
+        found = np.array([point_depth(grid, x, y, cap) for x, y in points])
+        assert (found[gap > 1e-9] == 0.0).all()
+        # Never deeper than in truth: where regions overlap, a boundary within another region counts too.
+        assert (found <= np.minimum(depth, cap) + 1e-9).all()
+        # No place nearer than the depth is free.
+        around = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+        for p, d in zip(points[found > 1e-6], found[found > 1e-6], strict=True):
+            ring = p + d * (1.0 - 1e-6) * np.column_stack([np.cos(around), np.sin(around)])
+            assert signed_distances(world, ring)[0].max() <= 1e-9

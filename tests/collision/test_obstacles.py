@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
-from tests.helpers.random_worlds import random_world
+from tests.helpers.worlds import random_world
 
 from trailmark.collision import StateChecker
 from trailmark.collision.obstacles import build_grid
@@ -35,30 +33,6 @@ def test_a_wall_through_the_centres_of_cells_hides_nothing_behind_it(left: float
         for side, expected in ((0.2, False), (-0.2, True)):
             at = np.column_stack([np.full(40, left + distance + side * size), rows, np.zeros(40)])
             assert (checker.valid(at) == expected).all()
-
-
-@pytest.mark.slow
-@given(
-    st.integers(1, 12),
-    st.integers(2, 60),
-    st.sampled_from([(0.0, 0.0), (-7.0, 3.0), (1e5, -1e5), (0.1, 0.3)]),
-    st.integers(0, 2**32 - 1),
-)
-def test_the_number_of_regions_over_a_point_on_aligned_lattices(
-    distance: int, column: int, origin: tuple[float, float], seed: int
-) -> None:
-    rng = np.random.default_rng(seed)
-    occupied = rng.random((8, 8)) < 0.5
-    world = World(
-        "lattice",
-        (*origin, origin[0] + 8, origin[1] + 8),
-        tuple(Polygon(SQUARE + cell + np.array(origin)) for cell in np.argwhere(occupied)),
-    )
-    checker = StateChecker(world, Robot.disc(1e-3), cell=aligned_cell(float(distance), column))
-    at = rng.integers(0, 8, (200, 2))
-    offset = rng.choice([0.002, 0.25, 0.5, 0.75, 0.998], (200, 2))
-    q = np.column_stack([at + offset + origin, np.zeros(200)])
-    assert (checker.valid(q) == ~occupied[at[:, 0], at[:, 1]]).all()
 
 
 def test_winding_counts_the_regions_over_every_cell_centre() -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from fractions import Fraction
 
 import numpy as np
 import pytest
-from tests.support.trials import few, trials
+from tests.helpers.trials import few
 
 from trailmark import se2
 from trailmark.curves import Steering
@@ -35,33 +33,6 @@ def driven(q: np.ndarray, sides: tuple[int, ...], ways: np.ndarray, radius: floa
             y -= side * radius * (math.cos(turned) - math.cos(theta))
             theta = turned
     return np.array([x, y, math.atan2(math.sin(theta), math.cos(theta))])
-
-
-def dubins_length(x: float, y: float, start: float, end: float, radius: float) -> float:
-    """Return the length of the shortest curve to (x, y), by tangents to circles: no formula of the library's."""
-    found = math.inf
-    tau = 2.0 * math.pi
-    for first, last in itertools.product((1, -1), repeat=2):
-        c0 = np.array([-first * radius * math.sin(start), first * radius * math.cos(start)])
-        c1 = np.array([x - last * radius * math.sin(end), y + last * radius * math.cos(end)])
-        across = c1 - c0
-        far, angle = math.hypot(*across), math.atan2(across[1], across[0])
-        if first == last or far >= 2.0 * radius:
-            heading = angle if first == last else angle + first * math.asin(2.0 * radius / far)
-            straight = far if first == last else math.sqrt(max(0.0, far * far - 4.0 * radius * radius))
-            found = min(found, straight + radius * ((first * (heading - start)) % tau + (last * (end - heading)) % tau))
-        if first == last and far <= 4.0 * radius:
-            for side in (1, -1):
-                out = angle + side * math.acos(far / (4.0 * radius))
-                middle = c0 + 2.0 * radius * np.array([math.cos(out), math.sin(out)])
-                back = math.atan2(*(c1 - middle)[::-1])
-                arcs = (
-                    (first * (out - (start - first * math.pi / 2))) % tau,
-                    (-first * (back - out - math.pi)) % tau,
-                    (first * (end - first * math.pi / 2 - back - math.pi)) % tau,
-                )
-                found = min(found, radius * sum(arcs))
-    return found
 
 
 def curves(
@@ -100,44 +71,3 @@ def test_rounding_makes_no_curve_longer(origin: tuple[float, float], radius: flo
         assert path.length < length + 1e-6 * radius + 10.0 * rounding(origin)
         # Beside two arcs that touch, words with cusps are as short; at 1e7 m they may be beside single arcs.
         assert path.cusps == 0 or sides == (1, -1) or abs(origin[0]) > 1e6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("radius", [0.3, 1.0, 4.5])
-@pytest.mark.parametrize("origin", ORIGINS)
-def test_lengths_are_right_for_a_goal_within_rounding(origin: tuple[float, float], radius: float) -> None:
-    steering = Steering(radius, reverse=False)
-    rng = np.random.default_rng(8)
-    ends = [row[:2] for row in curves(origin, radius, False, few(120))]
-    for _ in trials(60):
-        a, b = rng.uniform((-8, -8, -math.pi), (8, 8, math.pi), (2, 3)) + np.array([*origin, 0.0])
-        ends.append((a, b))
-    around = np.arange(0.0, 2.0 * math.pi, 0.005)
-    ring = np.column_stack([np.cos(around), np.sin(around), np.zeros(len(around))])
-    up = np.array([0.0, 0.0, 1.0])
-    within = np.concatenate([[(0.0, 0.0, 0.0)], ring[::50], 0.3 * ring[::50], ring, ring + up, ring - up])
-    reach = 2.0 * rounding(origin) + 1e-10 * radius
-    for a, b in ends:
-        # The difference as it is, without rounding.
-        x, y = (float(Fraction(float(b[i])) - Fraction(float(a[i]))) for i in range(2))
-        length = steering.lengths(a, b)
-        least, most = math.inf, -math.inf
-        for dx, dy, turn in within:
-            around_it = dubins_length(x + reach * dx, y + reach * dy, a[2], b[2] + 1e-10 * turn, radius)
-            least, most = min(least, around_it), max(most, around_it)
-            if least - 1e-6 * radius <= length <= most + 1e-6 * radius and abs(length - least) < 1e-4 * radius:
-                break
-        # That of a goal as near as rounding, and no full circle more where one of them needs none.
-        assert least - 1e-6 * radius <= length <= most + 1e-6 * radius, (a, b, length, least)
-        assert length <= least + 1e-4 * radius, (a, b, length, least)
-
-
-def test_a_single_arc_in_utm_coordinates_is_one() -> None:
-    """The issue's own figures: a quarter of a circle at (5e5, 4.5e6) had a whole circle more for 24 of 40 headings."""
-    steering = Steering(1.0, reverse=False)
-    for heading in np.linspace(-3.1, 3.1, 40):
-        a = np.array([5e5, 4.5e6, heading])
-        for side in (1, -1):
-            b = driven(a, (side,), np.array([math.pi / 2]), 1.0)
-            assert steering.lengths(a, b) == pytest.approx(math.pi / 2, abs=1e-6)
-            assert steering.curves(a, b).names() == ["L+" if side > 0 else "R+"]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import chi2
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark.estimation import RangeBearing, SlamFilter, Unicycle
 from trailmark.estimation.association import IGNORED, NEW, Compatibility, compatibility, joint_compatibility, nearest

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark.estimation import (
     EkfSlam,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.helpers.grown import grown_world
+from tests.helpers.worlds import grown_world
 from tests.test_arguments import WRONG
 
 from trailmark import Disc, Robot, TrailmarkError, World, estimation

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark.errors import FormatError, OutputError
 from trailmark.estimation.readers import load_log, save_log

@@ -12,7 +12,7 @@ import pytest
 import shapely
 from scipy.stats import binom, chi2
 from tests.helpers.alignment import aligned, rms
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
 
 from trailmark.estimation import (
     Detection,

@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.estimation.ray_casting import cast, room
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark.estimation.scan_matching import (
     LocalMap,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from tests.helpers.alignment import aligned, rms
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark.estimation import Detector, RangeBearing, Unicycle, simulate
 from trailmark.estimation.landmark_graph import polar_readings, relative_covariance

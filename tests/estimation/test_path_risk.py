@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import shapely
 from scipy.stats import norm, poisson
-from tests.helpers.random_worlds import ROBOTS
-from tests.support.trials import few
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS
 
 from trailmark.estimation.risk import PathRisk, path_risk, swept_region
 from trailmark.se2 import FloatArray

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark.estimation.pose_graph import Relation, optimise, pose_covariances, relative_covariances
 from trailmark.se2 import FloatArray, between, compose

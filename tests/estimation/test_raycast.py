@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark import Disc, Polygon, Rectangle, World
 from trailmark.estimation.virtual_sensors import RayCaster

@@ -12,9 +12,8 @@ import shapely.affinity
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
-from tests.helpers.grown import grown_world
-from tests.helpers.random_worlds import star_polygon
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import grown_world, star_polygon
 
 from trailmark.errors import WorldError
 from trailmark.estimation.errors import EstimationError

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from tests.estimation.ray_casting import cast, end_points, room
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
 
 from trailmark.estimation.covariance import average, nees
 from trailmark.estimation.records import Scan

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 from tests.estimation.ray_casting import cast, room
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark.estimation.laser_slam import ScanPoses, match_scans
 from trailmark.estimation.pose_graph import GraphSettings, KeyScans

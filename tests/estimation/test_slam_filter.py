@@ -10,7 +10,7 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark.estimation import EstimationError, PoseIncrement, RangeBearing, SlamFilter, Unicycle
 from trailmark.estimation.slam_filter import carried, moved

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from tests.helpers.trials import trials
 from tests.support.exploration_faults import Fault, Faulty, Impossible, miscounted, repeated, silence
-from tests.support.trials import trials
 
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import load_log, map_log

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 from trailmark import Path, Rectangle, Robot, World
 from trailmark.collision import StateChecker

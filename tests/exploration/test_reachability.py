@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
+from tests.helpers.trials import trials
 from tests.support.exploration_faults import Fault, Faulty, Impossible, frozen_odometry, miscounted, silence
-from tests.support.trials import trials
 
 from trailmark.estimation import load_log, map_log
 from trailmark.estimation.readers.jsonl import write_jsonl

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
 
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.records import Detection, Increment, Record, Scan

@@ -11,7 +11,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark import LandmarkPlanner, Robot, World
 from trailmark.exploration.frontiers import frontiers_of, places_in_sight, sight

@@ -12,7 +12,7 @@ import shapely
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.support.trials import THOROUGH, few
+from tests.helpers.trials import THOROUGH, few
 
 from trailmark import se2
 from trailmark.errors import ConfigurationError, OutputError

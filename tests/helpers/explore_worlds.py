@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
-from tests.helpers.random_worlds import star_polygon
+from tests.helpers.worlds import star_polygon
 
 from trailmark.formats.grid import grid_polygons
 from trailmark.shapes import Disc, Rectangle, Shape

@@ -6,32 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_states, random_world
-from tests.support.trials import few
+from tests.helpers.oracles import Oracle
+from tests.helpers.worlds import ROBOTS, random_states, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples
 from trailmark.landmarks.band import Band
-from trailmark.landmarks.retraction import retract, retract_all
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
+from trailmark.landmarks.retraction import retract_all
 
 FloatArray = NDArray[np.float64]
-
-
-def gate(gap: float, robot: Robot) -> StateChecker:
-    """A 20 x 10 m world, a wall across it at x = 10 with one gap around y = 8."""
-    low, high = 8.0 - gap / 2, 8.0 + gap / 2
-    walls = (Rectangle((10.0, low / 2), 1.0, low), Rectangle((10.0, (10.0 + high) / 2), 1.0, 10.0 - high))
-    return StateChecker(World("gate", (0, 0, 20, 10), walls), robot)
-
-
-def band_of(checker: StateChecker, start: tuple[float, ...], goal: tuple[float, ...]) -> Band:
-    return Band(checker, Relaxation(checker), np.array(start), np.array(goal))
 
 
 @pytest.mark.slow
@@ -55,62 +39,6 @@ def test_all_that_the_band_gives_is_valid_and_the_seeds_own(name: str) -> None:
         assert (name == "disc") == (not found[:, 2].any())
         assert np.array_equal(found, again)
         assert not np.array_equal(found, other)
-
-
-@pytest.mark.parametrize("widening", [0.05, 0.3, 1.0])
-def test_samples_keep_to_ways_not_much_longer_than_the_shortest(widening: float) -> None:
-    # In the open: the disc's centre lies in an ellipse about start and goal, as wide as the band.
-    checker = StateChecker(World("open", (0, 0, 60, 60)), Robot.rectangle(1.0, 0.6))
-    start, goal = (20.0, 30.0, 0.0), (40.0, 30.0, 0.0)
-    band = band_of(checker, start, goal)
-    assert band.shortest == pytest.approx(20.0, abs=0.5)
-    q = band.samples(2000, widening, np.random.default_rng(1))
-    assert len(q) == 2000
-    total = np.hypot(*(q[:, :2] - start[:2]).T) + np.hypot(*(q[:, :2] - goal[:2]).T)
-    # Ways along eight directions are up to 8.3 % longer than straight ones.
-    assert total.max() <= 20.0 * (1.0 + widening) + 4.0
-    assert total.max() >= 20.0 * (1.0 + widening) / 1.083 - 2.0
-
-
-def test_without_a_limit_samples_reach_all_that_is_joined() -> None:
-    band = band_of(gate(2.0, Robot.rectangle(1.0, 0.6)), (5.0, 2.0, 0.0), (15.0, 2.0, 0.0))
-    narrow, wide = (band.samples(4000, widening, np.random.default_rng(1)) for widening in (0.02, np.inf))
-    for x in (1.5, 18.5):
-        assert np.hypot(narrow[:, 0] - x, narrow[:, 1] - 2.0).min() > 1.5
-        assert np.hypot(wide[:, 0] - x, wide[:, 1] - 2.0).min() < 1.0
-
-
-@pytest.mark.parametrize("gap", [0.3, 0.5])
-def test_what_is_apart_has_no_shortest_way(gap: float) -> None:
-    checker = gate(gap, Robot.disc(0.4))
-    assert band_of(checker, (5.0, 8.0, 0.0), (15.0, 8.0, 0.0)).shortest == np.inf
-    assert band_of(checker, (5.0, 8.0, 0.0), (5.0, 2.0, 0.0)).shortest < np.inf
-
-
-# --- Retraction.
-
-
-@pytest.mark.slow
-@settings(max_examples=few(60))
-@given(
-    name=st.sampled_from(sorted(ROBOTS)),
-    world=st.integers(0, 3),
-    seed=st.integers(0, 10_000),
-    reach=st.floats(0.05, 1.0),
-    turn=st.floats(0.0, 0.5),
-)
-def test_nothing_moves_farther_than_it_may(name: str, world: int, seed: int, reach: float, turn: float) -> None:
-    clutter = random_world(world, 25, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2)
-    checker = StateChecker(clutter, ROBOTS[name], cell=0.2)
-    q = np.random.default_rng(seed).uniform((-1, -1, -math.pi), (25, 25, math.pi), (20, 3))
-    # Where a heading is half a turn, as it may be.
-    q[0, 2] = math.pi
-    for one in q:
-        moved = one.copy()
-        retract(checker.field, checker.footprint, moved, reach, turn, 0.1)
-        assert np.abs(moved[:2] - one[:2]).max() <= reach + 1e-12
-        assert abs(math.remainder(moved[2] - one[2], 2.0 * math.pi)) <= turn + 1e-12
-        assert -math.pi < moved[2] <= math.pi
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -13,15 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import RangeBearing, sense_obstacles
-from trailmark.landmarks import algorithm_1, algorithm_2, enclosed_cells, enclosed_points, free_samples, paper
-from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, initial_centres, points_in_boxes
+from trailmark.landmarks import algorithm_1, algorithm_2, enclosed_cells, free_samples, paper
+from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, initial_centres
 from trailmark.world import World
 from trailmark.world.library import shipped_worlds
 
@@ -48,9 +47,6 @@ def data(draw: st.DrawFn) -> tuple[FloatArray, int]:
 
 def inertia_of(x: FloatArray, centres: FloatArray) -> float:
     return float((cdist(x, centres).min(axis=1) ** 2).sum())
-
-
-# --- Algorithm 1 -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -101,24 +97,6 @@ def test_the_same_clusters_as_a_plain_loop_finds_and_the_seeds_own(init: Initial
     assert not np.array_equal(found.centres, algorithm_1(x, k, init, seed + 1).centres)
 
 
-@pytest.mark.slow
-@given(data(), st.integers(0, 99))
-def test_forgy_starts_from_k_different_samples(given_data: tuple[FloatArray, int], seed: int) -> None:
-    x, k = given_data
-    first = initial_centres(x, k, "forgy", seed)
-    assert len(np.unique(first, axis=0)) == k
-    assert cdist(first, x).min(axis=1).max() == 0.0
-
-
-def test_random_partition_starts_from_the_centroids_of_a_partition() -> None:
-    x = np.random.default_rng(0).uniform(0.0, 10.0, (6, 2))
-    groups = [[i for i in range(6) if mask >> i & 1] for mask in range(1, 64)]
-    means = {tuple(x[group].mean(axis=0).round(9)): group for group in groups}
-    for seed in range(50):
-        parts = [means[tuple(centre.round(9))] for centre in initial_centres(x, 3, "random-partition", seed)]
-        assert sorted(i for part in parts for i in part) == list(range(6))
-
-
 @pytest.mark.parametrize(
     ("samples", "k", "init", "problem"),
     [
@@ -134,8 +112,6 @@ def test_bad_input_to_algorithm_1(samples: FloatArray, k: int, init: Initialisat
     with pytest.raises(ConfigurationError, match=problem):
         algorithm_1(samples, k, init, 0)
 
-
-# --- Algorithm 2 -------------------------------------------------------------------------------------------------
 
 RECTANGLE = (0.0, 0.0, 10.0, 6.0)
 
@@ -162,31 +138,6 @@ def test_forbidden_points_are_those_in_boxes_or_cut_off_by_them(m: int, seed: in
     home = shapely.intersects(rooms, shapely.Point(robot))
     if home.any():
         assert np.array_equal(found.enclosed, ~inside & ~shapely.intersects(rooms[home][0], points))
-
-
-def test_points_on_the_edge_of_a_box_lie_in_it() -> None:
-    at = np.array([[1.0, 1.0], [2.0, 3.0], [1.5, 3.0], [2.0, 0.999], [2.001, 2.0], [0.999, 2.0]])
-    assert points_in_boxes(at, np.array([[1.0, 1.0, 2.0, 3.0]])).tolist() == [True, True, True, False, False, False]
-
-
-def test_landmarks_are_algorithm_1_on_the_rest() -> None:
-    found = algorithm_2(readings(5, 1), RECTANGLE, 500, 7, "random-partition", 3)
-    kept = found.samples[~found.forbidden]
-    assert not found.mini_batches
-    assert found.centres.shape == (7, 2)
-    assert found.inertia == pytest.approx(inertia_of(kept, found.centres))
-    assert np.array_equal(found.labels, lloyd(kept, found.centres))
-
-
-def test_what_obstacles_enclose_is_occupied() -> None:
-    walls: list[list[tuple[float, float]]]
-    walls = [[(2, 2), (6, 2.2)], [(2, 4), (6, 4.2)], [(2, 2), (2.2, 4.2)], [(5.8, 2), (6, 4.2)]]
-    # No robot, or one in a wall: the region at the edge is not enclosed. One in the yard cannot reach the rest.
-    for robot in ((8.0, 1.0), None, (4.0, 2.1), (4.0, 3.0)):
-        found = algorithm_2(walls, RECTANGLE, 2000, 3, random_state=0, robot=robot)
-        yard = shapely.intersects(shapely.box(2.2, 2.2, 5.8, 4.0), shapely.points(found.samples))
-        assert yard.sum() > 100
-        assert np.array_equal(~found.forbidden if robot == (4.0, 3.0) else found.enclosed, yard)
 
 
 @pytest.mark.parametrize(
@@ -233,21 +184,6 @@ def test_environment_1_has_the_published_share_of_forbidden_points() -> None:
     assert np.std(counts, ddof=1) == pytest.approx(binomial, rel=4.0 / math.sqrt(2 * (len(counts) - 1)))
 
 
-@pytest.mark.slow
-def test_where_there_is_much_mini_batches_do() -> None:
-    found, again = (algorithm_2(readings(5, 1), RECTANGLE, 250_000, 120, random_state=3) for _ in range(2))
-    kept = found.samples[~found.forbidden]
-    assert found.mini_batches
-    assert np.array_equal(found.centres, again.centres)
-    distance, nearest = cKDTree(found.centres).query(kept)
-    assert np.array_equal(found.labels, nearest)
-    assert found.inertia == pytest.approx(float(np.sum(np.square(distance))))
-    assert found.inertia < 1.2 * algorithm_1(kept[::10], 120, random_state=0).inertia * 10.0
-
-
-# --- Enclosed regions --------------------------------------------------------------------------------------------
-
-
 def flood(occupied: BoolArray, seeds: list[tuple[int, int]]) -> BoolArray:
     """The free cells that can be reached from the seeds over the cells' sides."""
     rows, columns = occupied.shape
@@ -273,36 +209,3 @@ def test_cells_that_are_enclosed(occupied: BoolArray, data: st.DataObject) -> No
     assert np.array_equal(enclosed_cells(occupied), ~occupied & ~flood(occupied, edge))
     seeds = edge if occupied[robot] else [robot]
     assert np.array_equal(enclosed_cells(occupied, robot), ~occupied & ~flood(occupied, seeds))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("lines", [paper.MAX_LINES, 200])
-@given(st.integers(0, 30), st.integers(0, 999))
-def test_points_behind_boxes(lines: int, m: int, seed: int) -> None:
-    """With fewer lines than boxes have edges, the boxes grow outwards by less than a cell."""
-    rng = np.random.default_rng(seed)
-    low = rng.uniform(-1.0, 9.0, (m, 2))
-    boxes = np.column_stack([low, low + rng.choice([0.3, 2.0, 4.0], (m, 2))])
-    points, robot = rng.uniform((0.0, 0.0), (10.0, 6.0), (300, 2)), rng.uniform((0.0, 0.0), (10.0, 6.0))
-    with mock.patch.object(paper, "MAX_LINES", lines):
-        found = enclosed_points(points, boxes, RECTANGLE, robot)
-    region, solid = shapely.box(*RECTANGLE), shapely.union_all([shapely.box(*box) for box in boxes])
-    if shapely.distance(solid, shapely.Point(robot)) == 0.0:
-        return
-    rooms = shapely.get_parts(region.difference(solid))
-    free = ~shapely.intersects(solid, shapely.points(points))
-    home = rooms[int(np.argmin(shapely.distance(rooms, shapely.Point(robot))))]
-    if len(rooms) == 1 or lines > 2 * m:
-        assert np.array_equal(found[free], ~shapely.intersects(home, shapely.points(points))[free])
-
-
-def test_thin_walls_enclose_and_a_gap_however_narrow_lets_through() -> None:
-    walls = np.array([[2.0, 2.0, 6.0, 2.0], [2.0, 5.0, 6.0, 5.0], [2.0, 2.0, 2.0, 5.0], [6.0, 2.0, 6.0, 5.0]])
-    points = np.array([[3.0, 3.0], [1.0, 1.0], [6.1, 3.0]])
-    for robot in (np.array([9.0, 5.5]), None):
-        assert enclosed_points(points, walls, RECTANGLE, robot).tolist() == [True, False, False]
-    assert enclosed_points(points, walls, RECTANGLE, np.array([4.0, 4.0])).tolist() == [False, True, True]
-    wall, points = np.array([[5.0, -1.0, 5.5, 4.0], [5.0, 4.0 + 1e-6, 5.5, 9.0]]), np.array([[1.0, 1.0], [9.0, 1.0]])
-    assert enclosed_points(points, wall, RECTANGLE, points[0]).tolist() == [False, False]
-    wall[1, 1] = 4.0
-    assert enclosed_points(points, wall, RECTANGLE, points[0]).tolist() == [False, True]

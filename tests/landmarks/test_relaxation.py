@@ -9,24 +9,23 @@ import math
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few
+from tests.helpers.oracles import signed_distances
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples
 from trailmark.landmarks.relaxation import CORNER_FACTOR, UNSURE_FACTOR
-from trailmark.shapes import Disc, Rectangle
+from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 
-BOX = World("box", (-60, -60, 60, 60))
 EXACT = 1e-4
 """Relative error of costs: those of steps are whole numbers, and in single precision."""
 CASES = [(name, seed) for seed, name in enumerate(ROBOTS)]
@@ -34,21 +33,6 @@ CASES = [(name, seed) for seed, name in enumerate(ROBOTS)]
 
 def cluttered(seed: int, obstacles: int = 50, size: float = 40.0) -> World:
     return random_world(seed, obstacles, size=size, discs=0.3, holes=0.2, boundary=seed % 2 == 0)
-
-
-def distances(world: World, geometries: NDArray[np.object_]) -> FloatArray:
-    """Distance (metres) from points or lines to the nearest obstacle, or to the outside; 0 inside an obstacle."""
-    inside = shapely.box(*world.bounds)
-    if world.boundary is not None:
-        inside = shapely.intersection(inside, shapely.Polygon(world.boundary.vertices))
-    best = np.where(shapely.covers(inside, geometries), shapely.distance(geometries, inside.exterior), 0.0)
-    for shape in world.obstacles:
-        if isinstance(shape, Disc):
-            gap = shapely.distance(geometries, shapely.Point(shape.center)) - shape.radius
-        else:
-            gap = shapely.distance(geometries, shape.polygon().shapely())
-        best = np.minimum(best, np.maximum(0.0, gap))
-    return np.asarray(best)
 
 
 def centres(relaxation: Relaxation) -> FloatArray:
@@ -94,7 +78,7 @@ def test_clearance_is_right_where_it_matters(name: str, seed: int) -> None:
         cells = np.random.default_rng(0).choice(cells, 2_000, replace=False)
     assert np.array_equal(relaxation.cells(where), np.arange(len(where)))
     assert relaxation.cell_centers(cells) == pytest.approx(where[cells], abs=1e-9)
-    exact = distances(world, shapely.points(where[cells]))
+    exact = signed_distances(world, where[cells])[0]
     found = relaxation.clearance(cells)
     # In obstacles it is minus the depth, no farther than a cell.
     assert np.abs(np.maximum(found, 0.0) - exact).max() <= checker.field.slack
@@ -110,34 +94,7 @@ def test_clearance_is_right_where_it_matters(name: str, seed: int) -> None:
     rng = np.random.default_rng(1)
     closed = where[cells][~relaxation.open.ravel()[cells]]
     inside = closed + rng.uniform(-0.5, 0.5, closed.shape) * relaxation.size
-    assert (distances(world, shapely.points(inside)) < relaxation.radius).all()
-
-
-@pytest.mark.slow
-def test_a_small_disc_does_not_go_through_obstacles_larger_than_a_cell() -> None:
-    # Cells are more than ten times as large as the disc, so that no cell near an obstacle's rim is closed.
-    discs = tuple(Disc((x, 10.0), 2.6) for x in (2.5, 7.5, 12.5, 17.5))
-    walls = (Rectangle((10.0, 4.0), 19.0, 2.0),)
-    world = World("row", (0, 0, 20, 20), (*discs, *walls))
-    relaxation = Relaxation(StateChecker(world, Robot.disc(0.005)))
-    assert relaxation.size > 10 * relaxation.radius
-    where, is_open = centres(relaxation)[::3], relaxation.open.ravel()[::3]
-    union = shapely.union_all([shapely.Point(d.center).buffer(d.radius, quad_segs=60) for d in discs])
-    union = shapely.union(union, walls[0].polygon().shapely())
-    shapely.prepare([union, union.boundary])
-    points = shapely.points(where)
-    deep = shapely.contains(union, points) & (
-        shapely.distance(points, union.exterior if union.geom_type == "Polygon" else union.boundary) > relaxation.size
-    )
-    assert deep.sum() > 1000
-    # Discs overlap: near their common chord the depth is that of one of them.
-    alone = np.any([np.hypot(*(where - d.center).T) < d.radius - relaxation.size for d in discs], axis=0)
-    assert not is_open[alone].any()
-    assert not is_open[deep & (where[:, 1] < 6.0)].any()
-    # The row of discs is closed, so the way from below leads nowhere.
-    component = relaxation.component(np.array([10.0, 1.0, 0.0]))
-    assert not component[relaxation.cells(np.array([10.0, 19.0]))]
-    assert component[relaxation.cells(np.array([10.0, 6.5]))]
+    assert (signed_distances(world, inside)[0] < relaxation.radius).all()
 
 
 @pytest.mark.parametrize(("name", "seed"), CASES)
@@ -223,20 +180,3 @@ def test_the_tightest_corridor_stays_open(slack: float, heading: float, x: float
     cells = relaxation.cells(relaxation.disc_centers(q))
     assert relaxation.open.ravel()[cells].all()
     assert relaxation.component(q[0])[cells].all()
-
-
-@pytest.mark.slow
-def test_finer_grids_separate_more_until_they_are_too_large() -> None:
-    # A gap of 1.1 m for a disc of 0.6 m: two coarse cells fit between the walls, no fine ones.
-    walls = (Rectangle((10.0, 4.7), 1.0, 9.4), Rectangle((10.0, 15.25), 1.0, 9.5))
-    relaxation: Relaxation | None = Relaxation(StateChecker(World("gap", (0, 0, 20, 20), walls), Robot.disc(0.6)))
-    answers, sizes = [], []
-    while relaxation is not None:
-        component = relaxation.component(np.array([3.0, 10.0, 0.0]))
-        answers.append(bool(component[relaxation.cells(np.array([17.0, 10.0]))]))
-        sizes.append(relaxation.size)
-        assert relaxation.finer() is relaxation.finer()
-        relaxation = relaxation.finer()
-    assert np.diff(np.log2(sizes)) == pytest.approx(-1.0)
-    assert answers == sorted(answers, reverse=True)
-    assert not answers[-1]

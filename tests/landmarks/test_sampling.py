@@ -10,9 +10,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.oracles import Oracle
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
@@ -25,19 +24,6 @@ FloatArray = NDArray[np.float64]
 BOUNDS = (-3.0, 2.0, 5.0, 18.0)
 METHODS: tuple[Any, ...] = ("uniform", "halton")
 FULL = StateChecker(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4, 4),)), Robot.disc(0.5))
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_seed_decides_the_draws_and_a_generator_goes_on(method: Any) -> None:
-    def draws(state: int | np.random.Generator | None) -> FloatArray:
-        return draw(BOUNDS, 50, method=method, random_state=state)
-
-    assert np.array_equal(draws(7), draws(7))
-    assert not np.array_equal(draws(7), draws(8))
-    assert not np.array_equal(draws(None), draws(None))
-    rng = np.random.default_rng(7)
-    assert np.array_equal(draws(rng), draws(7))
-    assert not np.array_equal(draws(rng), draws(7))
 
 
 def test_bad_arguments_are_named() -> None:
@@ -69,15 +55,6 @@ def test_free_samples_are_valid(name: str, method: Any) -> None:
     assert not np.array_equal(q, other)
 
 
-def test_free_samples_reach_every_part_of_free_space() -> None:
-    # Two rooms joined by nothing: the robot's free space has two parts, 4 x 4 and 2 x 4 m for its centre.
-    checker = StateChecker(World("rooms", (0, 0, 10, 6), (Rectangle((6.5, 3.0), 1.0, 6.0),)), Robot.disc(1.0))
-    q = free_samples(checker, 3000, random_state=1)
-    left, right = shapely.box(1, 1, 5, 5), shapely.box(8, 1, 9, 5)
-    shares = [shapely.contains_xy(part, q[:, 0], q[:, 1]).mean() for part in (left, right)]
-    assert shares == pytest.approx([16.0 / 20.0, 4.0 / 20.0], abs=0.03)
-
-
 def test_what_is_enclosed_is_left_out() -> None:
     outer, inner = (np.array(shapely.box(a, a, b, b).exterior.coords[:-1]) for a, b in ((10, 30), (12, 28)))
     ring = Polygon(outer, (inner,))
@@ -93,21 +70,6 @@ def test_what_is_enclosed_is_left_out() -> None:
     assert share(np.array([15.0, 15.0, 1.0])) == 1.0
 
 
-def test_draws_end_where_they_are_told_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert free_samples(FULL, 0).shape == free_samples(FULL, 10, random_state=1).shape == (0, 3)
-    seen: list[int] = []
-
-    def none_valid(q: FloatArray) -> NDArray[np.bool_]:
-        seen.append(len(q))
-        return np.zeros(len(q), np.bool_)
-
-    monkeypatch.setattr(FULL, "valid", none_valid)
-    for most, drawn in ((None, 500), (77, 77)):
-        seen.clear()
-        free_samples(FULL, 10, random_state=1, max_draws=most)
-        assert sum(seen) == drawn
-
-
 # --- K-means.
 
 
@@ -116,14 +78,6 @@ def clumped(n: int, seed: int) -> FloatArray:
     q = np.random.default_rng(seed).uniform((0.0, 0.0, -np.pi), (10.0, 10.0, np.pi), (n, 3))
     q[: n // 2, :2] = 4.0 + 0.1 * q[: n // 2, :2]
     return q
-
-
-def inertia(q: FloatArray, landmarks: FloatArray, radius: float) -> float:
-    """Sum of the squared distances of the samples to their nearest landmark."""
-    one, other = (
-        np.column_stack([p[:, :2], radius * np.cos(p[:, 2]), radius * np.sin(p[:, 2])]) for p in (q, landmarks)
-    )
-    return float((cdist(one, other).min(axis=1) ** 2).sum())
 
 
 @pytest.mark.slow
@@ -141,22 +95,3 @@ def test_landmarks_are_samples_and_no_two_the_same(n: int, k: int, radius: float
     if k >= n:
         assert np.array_equal(found, q)
         assert not np.shares_memory(found, q)
-
-
-@pytest.mark.parametrize("radius", [0.0, 2.0])
-@pytest.mark.parametrize("seed", range(3))
-def test_landmarks_spread_better_than_a_random_subset(seed: int, radius: float) -> None:
-    q, rng = clumped(1000, seed), np.random.default_rng(seed)
-    found = inertia(q, k_means_landmarks(q, 50, radius=radius, random_state=seed), radius)
-    chance = [inertia(q, q[rng.choice(1000, 50, replace=False)], radius) for _ in range(20)]
-    assert found < min(chance)
-    assert found < 0.9 * np.mean(chance)
-
-
-def test_without_a_number_of_steps_no_sample_changes_its_cluster_any_more() -> None:
-    # Two tight clusters and a bad start: one step is not enough, convergence finds the middles.
-    q = np.zeros((100, 3))
-    q[:, 0] = np.concatenate([np.linspace(0.0, 1.0, 90), np.linspace(9.0, 10.0, 10)])
-    for seed in range(10):
-        found = k_means_landmarks(q, 2, radius=0.0, random_state=seed)
-        assert np.sort(found[:, 0]) == pytest.approx([0.5, 9.5], abs=0.06)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.density_oracle import sampled_cost
-from tests.support.trials import trials
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.helpers.oracles import sampled_cost
+from tests.helpers.trials import trials
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
 from trailmark.motion import Motion, motion_of
-from trailmark.motion.density import line_cost
+from trailmark.motion.density import line_cost, sort_in_place
 from trailmark.world.robot import Robot
 from trailmark.world.zones import Zone
 
@@ -78,3 +80,12 @@ def test_the_least_density_is_below_every_density() -> None:
             ends = np.column_stack([rng.uniform(0.0, 10.0, (2, 2)), np.zeros(2)])
             length = float(np.hypot(*(ends[1] - ends[0])[:2]))
             assert motion.density.least * length <= sum(motion.cost_within(ends)) + 1e-9
+
+
+@pytest.mark.slow
+@given(st.lists(st.floats(allow_nan=False) | st.sampled_from([0.0, -0.0, 1.0]), max_size=60), st.integers(0, 60))
+def test_the_first_values_are_sorted_and_the_others_left_alone(numbers: list[float], count: int) -> None:
+    count = min(count, len(numbers))
+    values = np.array(numbers, dtype=np.float64)
+    sort_in_place(values, count)
+    assert values.tolist() == sorted(numbers[:count]) + numbers[count:]

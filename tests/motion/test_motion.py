@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.helpers.random_worlds import random_world
+from tests.helpers.worlds import random_world
 
 from trailmark import se2
 from trailmark.collision import StateChecker

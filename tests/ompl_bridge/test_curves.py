@@ -23,7 +23,7 @@ def test_ompls_planners_find_certified_paths_of_curves(run_ompl: Any, reverse: b
     found = run_ompl(
         SET_UP.replace("REVERSE", str(reverse))
         + """
-from tests.helpers.oracle import Oracle
+from tests.helpers.oracles import Oracle
 for name in ("RRTConnect", "RRTstar"):
     problem = SE2Problem(world, car, "coffee")  # to the others it takes them seconds
     # The first path is good enough: RRTstar would use all of its time.

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
+from tests.helpers.oracles import Oracle
 
 from trailmark.collision import StateChecker
 from trailmark.ompl_bridge.landmark_source import LandmarkSource

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few
+from tests.helpers.oracles import Oracle
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.ompl_bridge.landmark_source import LandmarkSource

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 Run = Callable[[str], Any]
 
 SET_UP = """
-from tests.helpers.oracle import Oracle
+from tests.helpers.oracles import Oracle
 from trailmark import StateChecker, se2
 from trailmark.curves import Steering
 from trailmark.ompl_bridge.spaces import set_bounds
@@ -101,7 +101,7 @@ tell(longer=int((longer > 1e-3).sum()), posts=posts, accepted=int(accepted), ope
 @pytest.mark.parametrize("origin", [0.0, 5e5], ids=["origin", "utm"])
 def test_what_is_accepted_is_free_along_the_curve_that_ompl_drives(run: Run, reverse: bool, origin: float) -> None:
     found = run(f"""
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.worlds import ROBOTS, random_world
 rng = np.random.default_rng(4)
 radius, reverse, origin = 1.5, {reverse}, {origin}
 world, robot = random_world(21, 150, size=60.0, origin=(origin, origin)), ROBOTS["rectangle"]

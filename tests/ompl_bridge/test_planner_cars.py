@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from tests.support.trials import few
+from tests.helpers.trials import few
 
 SET_UP = """
-from tests.helpers.oracle import Oracle
+from tests.helpers.oracles import Oracle
 from trailmark.curves import Steering
 from trailmark.trajectories import CurvePath
 from trailmark.ompl_bridge.spaces import set_bounds

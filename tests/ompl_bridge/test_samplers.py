@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.oracles import Oracle, motion_states
 
 from trailmark.world import World
 from trailmark.world.library import find_world

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.oracles import Oracle, motion_states
 
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -67,7 +67,7 @@ problem = SE2Problem(shipped("office"), query="door")
 planner = OmplLandmarkPlanner(problem.information, seed=0)
 problem.set_planner(planner)
 vertices, hit, longer = [], 0, 0.0
-from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.oracles import Oracle, motion_states
 oracle = Oracle(problem.world, problem.checker.robot)
 for _ in range(3):
     problem.setup.clear()

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.oracles import judge
+from tests.helpers.trials import QUICK
+from tests.helpers.worlds import ROBOTS, joined_pairs, random_pairs, random_world
 
 from trailmark import LandmarkPlanner
-from trailmark.errors import ConfigurationError, TrailmarkError
-from trailmark.landmarks import free_samples
-from trailmark.planning.batch import for_each
-from trailmark.planning.growth import grow_general
+from trailmark.errors import ConfigurationError
 from trailmark.planning.settings import PlannerSettings
-from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
-Judge = Callable[..., float]
 
 WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
 
@@ -35,19 +30,17 @@ def planner_for(name: str, settings: PlannerSettings | None = None) -> LandmarkP
     return LandmarkPlanner(WORLD, ROBOTS[name], seed=4, settings=settings)
 
 
-def queries(planner: LandmarkPlanner, n: int, seed: int = 8) -> tuple[FloatArray, FloatArray]:
-    """Return starts and goals in one part of the world, some of them at any heading for a disc too."""
-    ends = free_samples(planner.checker, 4 * n, random_state=seed)
-    reached = planner.relaxation.component(ends[0])
-    ends = ends[reached[planner.relaxation.cells(planner.relaxation.disc_centers(ends))]][: 2 * n]
+def queries(planner: LandmarkPlanner, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return starts and goals in one part of the world, at any heading for a disc too."""
+    ends = joined_pairs(planner, n)
     if planner.checker.footprint.is_disc:
-        ends[:, 2] = np.random.default_rng(seed).uniform(-3.0, 3.0, len(ends))
-    return ends[::2], ends[1::2]
+        ends[..., 2] = np.random.default_rng(8).uniform(-3.0, 3.0, (n, 2))
+    return ends[:, 0], ends[:, 1]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "L"])
-def test_paths_are_valid_bounded_and_leave_nothing_behind(name: str, judge: Judge) -> None:
+def test_paths_are_valid_bounded_and_leave_nothing_behind(name: str) -> None:
     planner = planner_for(name, LIGHT)
     planner.build(700)
     starts, goals = queries(planner, 12)
@@ -91,63 +84,11 @@ def test_answers_do_not_depend_on_the_number_of_threads() -> None:
             assert a.path == b.path
 
 
-@pytest.mark.slow
-def test_many_threads_ask_one_planner_while_it_grows() -> None:
-    planner = planner_for("L", LIGHT)
-    planner.build(1000)
-    starts, goals = queries(planner, 16)
-    # What the roadmap does not answer, it would learn.
-    snapshot = planner._model.shared.snapshot(lambda: planner.relaxation)
-    known = [snapshot.find_path(a.copy(), b.copy()) is not None for a, b in zip(starts, goals, strict=True)]
-    starts, goals = starts[known], goals[known]
-    assert len(starts) > 8
-    nodes = len(planner.roadmap)
-    expected = planner.plan_many(starts, goals, time_limit=60.0)
-
-    def ask(_: int) -> bool:
-        found = planner.plan_many(starts, goals, time_limit=60.0, workers=2)
-        return all(a.path == b.path for a, b in zip(expected, found, strict=True))
-
-    def grow(i: int) -> bool:
-        # What is known already adds nothing.
-        with planner._model.shared.lock:
-            planner.roadmap.add(free_samples(planner.checker, 20, random_state=i))
-        return planner.plan(starts[i], goals[i], time_limit=60.0, max_iterations=1).status == "solved"
-
-    with ThreadPoolExecutor(4) as threads:
-        growing = [threads.submit(grow, i) for i in range(2)]
-        asking = [threads.submit(ask, i) for i in range(4)]
-        assert all(task.result() for task in [*asking, *growing])
-    assert nodes < len(planner.roadmap) < 1.1 * nodes
-
-
-@pytest.mark.slow
-def test_what_the_roadmap_does_not_answer_is_planned() -> None:
-    # Ten landmarks in a world of sixty obstacles answer next to nothing.
-    planner = planner_for("rectangle")
-    planner.build(10)
-    starts, goals = queries(planner, 12)
-    results = planner.plan_many(starts, goals, time_limit=20.0, max_iterations=8)
-    assert {r.status for r in results} == {"solved"}
-    assert len(planner.roadmap) > 10
-
-
-@pytest.mark.slow
-def test_infeasible_queries_are_proven_so() -> None:
-    walled = World("walled", (0, 0, 10, 6), (Rectangle((5, 3), 0.5, 6.0),))
-    planner = LandmarkPlanner(walled, Robot.rectangle(1.0, 0.5), seed=1)
-    results = planner.plan_many([(1, 1, 0), (1, 1, 0)], [(9, 1, 0), (2, 5, 1)])
-    assert [r.status for r in results] == ["infeasible", "solved"]
-    assert results[0].path is None
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"time_limit": 0.0}, r"time limit: expected more than 0, got 0\.0 s"),
-        ({"workers": 0}, "workers: expected a whole number, 1 or more, got 0"),
         ({"max_iterations": 0}, "max iterations: expected a whole number, 1 or more, got 0"),
-        ({"starts": [(1, 1)]}, r"starts: expected shape \(3,\) or \(n, 3\) for x, y, theta, got \(1, 2\)"),
         ({"starts": [(5, 5, 0)] * 3}, "goals: expected 3, as many as starts, got 2"),
         ({"goals": [(9, 9, 0), (-1, 5, 0)]}, r"goal 1 \(-1, 5, 0\) is not valid"),
     ],
@@ -183,49 +124,29 @@ def test_many_queries_can_be_stopped() -> None:
     assert {r.status for r in planner.plan_many(starts, goals, 60.0)} == {"solved"}
 
 
-@pytest.mark.slow
-def test_each_stops_at_the_first_exception() -> None:
-    done: list[int] = []
+LIMIT = 30.0
 
-    def work(i: int) -> None:
-        if i == 3:
-            raise KeyboardInterrupt
-        done.append(i)
 
-    for workers in (1, 2):
-        done.clear()
-        with pytest.raises(KeyboardInterrupt):
-            for_each(work, 10_000, workers, None)
-        assert len(done) < 10_000
+LOOKUP_WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "rectangle"])
-def test_a_roadmap_is_built_as_dense_as_the_world_asks_for_and_its_paths_are_short(name: str) -> None:
-    planner, seen = planner_for(name), list[tuple[int, int]]()
-    starts, goals = queries(planner, 8)
-    left = iter([0.0])
-    graph, whole = grow_general(
-        planner.roadmap, planner.relaxation, np.random.default_rng(0), LIGHT, seconds_left=lambda: next(left)
-    )
-    # One part, then the time was up.
-    assert (whole, len(graph)) == (False, len(planner.roadmap))
-    assert 10 <= len(planner.roadmap) <= 16
-    results = planner.plan_many(starts, goals, 60.0, on_progress=lambda done, of: seen.append((done, of)))
-    # Reports while it is built, then for each query.
-    building = [entry for entry in seen if entry == (0, 8)]
-    assert len(building) >= 4
-    assert seen[len(building) :] == [(i + 1, 8) for i in range(8)]
-    assert len(planner.roadmap) > 1_000
-    one = LandmarkPlanner(WORLD, ROBOTS[name], seed=5, checker=planner.checker, settings=PlannerSettings(patience=4))
-    single = [one.plan(a, b, time_limit=30.0, max_iterations=2).cost for a, b in zip(starts, goals, strict=True)]
-    many = np.array([r.cost for r in results], dtype=np.float64)
-    ratio = many / np.minimum(many, np.array(single, dtype=np.float64))
-    assert np.median(ratio) < 1.03
-    assert ratio.max() < 1.5
-
-
-def test_where_there_is_no_free_place_nothing_is_built() -> None:
-    full = LandmarkPlanner(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4.0, 4.0),)), Robot.disc(0.5), seed=0)
-    with pytest.raises(TrailmarkError, match="no free place for the robot was found"):
-        full._model.shared.snapshot(lambda: full.relaxation)
+@pytest.mark.parametrize("name", ["rectangle", "disc"])
+def test_it_hardly_grows_by_queries_that_it_knows(name: str) -> None:
+    kept = LandmarkPlanner(LOOKUP_WORLD, ROBOTS[name], seed=4, settings=QUICK)
+    start, goal = random_pairs(kept, 1, 3)[0]
+    sizes, costs = [], []
+    for _ in range(14):
+        result = kept.plan(start, goal, LIMIT, max_iterations=1)
+        assert result.path is not None
+        sizes.append((len(kept.roadmap), len(kept.roadmap.edges)))
+        costs.append(judge(LOOKUP_WORLD, kept.robot, start, goal, result.path.states))
+    assert sizes[-1][0] <= sizes[0][0] + 50
+    assert sizes[-1] == sizes[9]
+    assert costs[-1] <= 1.03 * costs[0]
+    for start, goal in random_pairs(kept, 8, 5):
+        assert kept.plan(start, goal, LIMIT, max_iterations=1).status == "solved"
+        sizes.append((len(kept.roadmap), 0))
+    assert sizes[-1][0] <= PlannerSettings().max_kept_nodes
+    # What it grows by becomes less.
+    assert sizes[-1][0] - sizes[-4][0] <= sizes[-4][0]

@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.helpers.oracles import Oracle
+from tests.helpers.worlds import ROBOTS, random_world
 
+from trailmark import Objective
 from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.shapes import Disc, Rectangle
 from trailmark.trajectories import CurvePath
 from trailmark.verify import check_path
 from trailmark.world import Query, Robot, World
@@ -73,43 +74,24 @@ def test_parking(worlds: Path, name: str) -> None:
     assert CurveMotion(planner.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()
 
 
-class Office(NamedTuple):
-    """What was planned through a door of an office once, and what was told meanwhile."""
-
-    world: World
-    query: Query
-    result: PlanResult
-    seen: list[PlanProgress]
-
-
-def through_the_door(worlds: Path, reverse: bool) -> Office:
-    world, seen = shipped(worlds, "office", 0.6, reverse), list[PlanProgress]()
-    query = world.query("door")
-    return Office(world, query, planned(world, query, on_progress=seen.append)[1], seen)
-
-
 @pytest.fixture(scope="module")
-def office(worlds: Path) -> Office:
-    return through_the_door(worlds, reverse=True)
-
-
-def require_sound(planned: Office) -> CurvePath:
-    path = referee(planned.world, planned.query, planned.result)
-    assert planned.result.lower_bound is not None
-    assert planned.result.lower_bound <= path.cost + 1e-9
-    return path
+def office(worlds: Path) -> tuple[World, Query, PlanResult]:
+    """What was planned through a door of an office once."""
+    world = shipped(worlds, "office", 0.6)
+    return world, world.query("door"), planned(world, world.query("door"))[1]
 
 
 @pytest.mark.slow
-def test_an_office(office: Office) -> None:
-    assert require_sound(office).steering == Steering(0.6)
-
-
-@pytest.mark.slow
-def test_an_office_forwards_only(worlds: Path) -> None:
-    path = require_sound(through_the_door(worlds, reverse=False))
-    assert path.steering == Steering(0.6, reverse=False)
-    assert path.cusps == 0
+def test_an_office_both_ways_and_forwards_only(worlds: Path, office: tuple[World, Query, PlanResult]) -> None:
+    forwards = shipped(worlds, "office", 0.6, reverse=False)
+    query = forwards.query("door")
+    for world, result in ((office[0], office[2]), (forwards, planned(forwards, query)[1])):
+        path = referee(world, query, result)
+        assert world.robot is not None
+        assert path.steering == Steering.of(world.robot)
+        assert result.lower_bound is not None
+        assert result.lower_bound <= path.cost + 1e-9
+        assert world.robot.reverse or path.cusps == 0
 
 
 def test_a_free_way_is_the_shortest_curve_itself() -> None:
@@ -144,66 +126,8 @@ def test_straight_lines_from_state_to_state_are_free_as_well(pillar: float, room
         assert check_path(world, car, trajectory.at(t)).free
 
 
-def test_a_three_point_turn_in_an_aisle() -> None:
-    walls = (Rectangle((10.0, 7.6), 20.0, 0.8), Rectangle((10.0, 2.4), 20.0, 0.8))
-    world = World("aisle", (0.0, 0.0, 20.0, 10.0), walls, Robot.rectangle(2.4, 1.2).steered(2.5))
-    query = Query("turn", (10.0, 5.0, 0.0), (10.0, 5.0, math.pi))
-    _, result = planned(world, query)
-    path = referee(world, query, result)
-    assert path.cusps >= 2
-
-
-@pytest.mark.slow
-def test_a_round_car_has_a_heading() -> None:
-    wall = Polygon(np.array([(9.5, 0.0), (10.5, 0.0), (10.5, 7.0), (9.5, 7.0)]))
-    world = World("wall", (0.0, 0.0, 20.0, 10.0), (wall,), Robot.disc(0.6).steered(1.5, reverse=False))
-    query = Query("over", (3.0, 2.0, 0.0), (17.0, 2.0, 0.0))
-    _, result = planned(world, query)
-    path = referee(world, query, result)
-    # The bound knows of the wall too.
-    assert result.lower_bound is not None
-    assert 1.2 * Steering(1.5, reverse=False).lengths(query.start, query.goal) < result.lower_bound <= path.cost
-
-
-def test_no_way_for_the_robot_at_all_is_proven() -> None:
-    wall = Rectangle((10.0, 5.0), 1.0, 10.0)
-    world = World("split", (0.0, 0.0, 20.0, 10.0), (wall,), Robot.rectangle(2.0, 1.0).steered(3.0))
-    _, result = planned(world, Query("q", (3.0, 5.0, 0.0), (17.0, 5.0, 0.0)))
-    assert result.status == "infeasible"
-    assert result.lower_bound is None
-    assert result.path is None
-
-
-@pytest.mark.slow
-def test_what_is_too_tight_for_a_car_ends_in_time_with_how_far_it_got() -> None:
-    # Out of a dead end that is entered forwards only: a car that does not reverse never comes out again.
-    walls = (Rectangle((5.0, 3.9), 10.0, 0.4), Rectangle((5.0, 6.1), 10.0, 0.4), Rectangle((10.2, 5.0), 0.4, 2.6))
-    world = World("dead end", (-8.0, -4.0, 20.0, 14.0), walls, Robot.rectangle(2.0, 1.0).steered(3.0, reverse=False))
-    query = Query("out", (7.0, 5.0, 0.0), (15.0, 5.0, 0.0))
-    _, result = planned(world, query, time_limit=0.4, max_iterations=None)
-    assert result.status == "timeout"
-    assert result.time["total"] is not None
-    assert result.time["total"] < 30.0  # without a limit on its rounds it would not end
-    free = world.with_robot(Robot.rectangle(2.0, 1.0).steered(3.0))
-    referee(free, query, planned(free, query)[1])
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_path_and_queries_share_the_roadmap(worlds: Path) -> None:
-    world = shipped(worlds, "office", 0.6)
-    query = world.query("coffee")
-    planner, first = planned(world, query, seed=4, time_limit=60.0)
-    _, second = planned(world, query, seed=4, time_limit=60.0)
-    assert first.path == second.path
-    assert first.path is not None
-    # The way back is there already.
-    back = planner.plan(query.goal, query.start, time_limit=60.0, max_iterations=1)
-    assert back.path is not None
-    assert back.path.cost < 1.05 * first.path.cost
-
-
-def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:
-    result = office.result
+def test_the_record_holds_what_rebuilds_the_curves(office: tuple[World, Query, PlanResult]) -> None:
+    result = office[2]
     record = json.loads(json.dumps(result.to_dict("office", "door")))
     curve = record["curve"]
     assert curve["kind"] == "reeds-shepp"
@@ -240,3 +164,45 @@ def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
     alone, beside = (planner.plan_many(known[:, 0], known[:, 1], 2.0, max_iterations=1, workers=n) for n in (1, 2))
     assert len(planner.roadmap) == nodes
     assert [result.cost for result in alone] == [result.cost for result in beside]
+
+
+# A slot for parking, 1.6 m longer than the car.
+SLOT_WALLS = (Rectangle((4.0, 2.0), 8.0, 2.0), Rectangle((17.6, 2.0), 8.0, 2.0), Rectangle((10.0, 0.4), 20.0, 0.8))
+
+
+SLOT_WORLD = World("slot", (0.0, 0.0, 20.0, 8.0), SLOT_WALLS, Robot.rectangle(4.0, 1.8).steered(4.0))
+
+
+SLOT, ROAD = np.array([10.8, 1.9, 0.0]), np.array([4.0, 5.0, 0.0])
+
+
+def planned_in_slot(objective: Objective | str | None = None, start: Any = ROAD, goal: Any = SLOT) -> PlanResult:
+    planner = LandmarkPlanner(SLOT_WORLD, seed=0, objective=objective)
+    result = planner.plan(start, goal, time_limit=60.0, max_iterations=2)
+    assert isinstance(result.path, CurvePath)
+    assert np.array_equal(result.path.knots[[0, -1]], [start, goal])
+    assert not Oracle(SLOT_WORLD, planner.robot).collides(result.path.resample(0.01).states).any()
+    return result
+
+
+@pytest.fixture(scope="module")
+def paid() -> PlanResult:
+    return planned_in_slot()
+
+
+@pytest.mark.slow
+def test_changes_of_direction_are_what_a_driver_avoids_by_default(paid: PlanResult) -> None:
+    plain = planned_in_slot("length")
+    assert isinstance(paid.path, CurvePath)
+    assert isinstance(plain.path, CurvePath)
+    assert paid.path.cusps < plain.path.cusps
+    assert plain.cost == plain.path.length
+    assert plain.objective is None
+    assert paid.cost == pytest.approx(paid.path.length + 3.0 * paid.path.cusps + 0.5 * paid.path.reverse_length)
+    assert paid.lower_bound is not None
+    assert paid.cost is not None
+    assert paid.lower_bound <= paid.cost
+    record = paid.to_dict("slot")
+    assert record["direction_changes"] == paid.path.cusps
+    assert record["reverse_length"] == paid.path.reverse_length
+    assert record["objective"]["direction_change"] == 3.0

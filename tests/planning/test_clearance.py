@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle, motion_states
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.quick import QUICK
-from tests.support.trials import few
+from tests.helpers.oracles import Oracle, motion_states
+from tests.helpers.trials import QUICK
 
-from trailmark import check_path
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, ShapeError, TrailmarkError
-from trailmark.landmarks import free_samples
 from trailmark.planning import LandmarkPlanner
-from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Rectangle
 from trailmark.trajectories import CurvePath
 from trailmark.trajectories.path import Path
@@ -41,54 +36,6 @@ def least(world: World, robot: Robot, path: Path, fine: float = 0.01) -> float:
     pieces = zip(states[:-1], states[1:], moved, strict=True)
     rows = [motion_states(a[None], b[None], 2 + int(m / fine))[0] for a, b, m in pieces]
     return float(Oracle(world, robot).clearance(np.concatenate(rows)).min())
-
-
-def ends_of(world: World, robot: Robot, clearance: float, seed: int) -> FloatArray:
-    return free_samples(StateChecker(world, robot, clearance=clearance), 2, random_state=seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "clearance"),
-    [(name, clearance) for i, name in enumerate(ROBOTS) for clearance in ((1e-9, 0.05)[i % 2], 0.4)],
-)
-def test_states_are_valid_where_shapely_measures_the_clearance(name: str, clearance: float) -> None:
-    world, robot = random_world(3, 40, size=40.0, discs=0.3, holes=0.2, boundary=True), ROBOTS[name]
-    rng = np.random.default_rng(5)
-    n = few(1000)
-    q = np.column_stack([rng.uniform(0, 40, (n, 2)), rng.uniform(-3, 3, n)])
-    distance = Oracle(world, robot).clearance(q)
-    sure = (np.abs(distance - clearance) > ALLOWED) | Oracle(world, robot).collides(q)
-    assert sure.mean() > 0.9
-    checker = StateChecker(world, robot, clearance=clearance)
-    assert (checker.valid(q) == (distance > clearance))[sure].all()
-    assert checker.clearance(q[:50]) == pytest.approx(distance[:50], abs=1e-8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "radius"),
-    [("disc", None), ("rectangle", None), ("L", None), ("offset", None), ("disc", 2.0), ("L", 2.0)],
-)
-def test_paths_in_random_worlds_keep_the_clearance(name: str, radius: float | None) -> None:
-    robot = ROBOTS[name].steered(radius)
-    solved = 0
-    # Each world with one of the clearances in an ordinary run.
-    for seed, clearance in [(0, 0.3), (1, 1e-9), (1, 0.3), (0, 1e-9)][: few(4, of=2)]:
-        world = random_world(seed, 25, size=40.0, discs=0.3, boundary=seed % 2 == 1)
-        start, goal = ends_of(world, robot, clearance, seed)
-        planner = LandmarkPlanner(world, robot, clearance=clearance, seed=seed, settings=QUICK)
-        result = planner.plan(start, goal, 20.0, max_iterations=1)
-        if result.path is not None:
-            solved += 1
-            assert least(world, robot, result.path) >= clearance - ALLOWED
-            assert result.min_clearance is not None
-            assert result.min_clearance >= clearance - ALLOWED
-            assert result.clearance == clearance
-            audit = check_path(world, robot.keeping(clearance), result.path)
-            assert audit.free
-            assert audit.min_clearance >= clearance - ALLOWED
-    assert solved >= few(2, of=2)
 
 
 @pytest.mark.slow

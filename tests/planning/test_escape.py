@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, Polygon, Rectangle, StateChecker, World, check_path
+from trailmark import Disc, LandmarkPlanner, PlannerSettings, StateChecker, World
 from trailmark.motion import motion_of
 from trailmark.penetration import Penetration
 from trailmark.planning.escape import way_out
 from trailmark.trajectories import path_of
 from trailmark.world import Robot
-
-WALL = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 3.0), 2.0, 6.0),))
 
 
 def depth_of(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
@@ -51,43 +49,6 @@ def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
     assert met > few(20, of=2)
 
 
-def test_it_is_the_shortest_to_a_single_obstacle() -> None:
-    for robot in (ROBOTS["disc"], ROBOTS["rectangle"]):
-        checker = StateChecker(WALL, robot)
-        for start in ([9.2, 4.0, 0.2], [10.9, 2.0, 0.0], [10.0, 5.8, 1.0]):
-            out = way_out(checker, np.array(start))
-            assert out is not None
-            depth = Penetration(robot.footprint, WALL.obstacles[0]).at(np.array([start]))[0]
-            assert np.hypot(*(out[-1] - out[0])[:2]) == pytest.approx(depth, abs=1e-4)
-
-
-def test_beyond_the_bounds_it_leads_back_in() -> None:
-    checker = StateChecker(WALL, ROBOTS["rectangle"])
-    out = way_out(checker, np.array([0.3, 5.0, 0.0]))
-    assert out is not None
-    assert np.allclose(out[-1], [1.0, 5.0, 0.0], atol=1e-4)
-    triangle = World(
-        "triangle", (0.0, 0.0, 20.0, 20.0), boundary=Polygon(np.array([(0.0, 0.0), (20.0, 0.0), (0.0, 20.0)]))
-    )
-    checker = StateChecker(triangle, ROBOTS["disc"])
-    out = way_out(checker, np.array([10.5, 10.5, 0.0]))
-    assert out is not None
-    assert checker.valid(out[-1])
-    assert np.hypot(*(out[-1] - out[0])[:2]) == pytest.approx(0.6 + 0.5 * np.sqrt(2.0), abs=1e-3)
-
-
-def test_a_car_drives_out() -> None:
-    robot = ROBOTS["rectangle"].steered(2.0)
-    checker = StateChecker(WALL, robot)
-    out = way_out(checker, np.array([8.2, 3.0, 0.0]))
-    assert out is not None
-    assert checker.valid(out[-1])
-    assert (np.diff(depth_of(WALL, robot, out)) <= 1e-4).all()
-    assert np.hypot(*(out[-1] - out[0])[:2]) < 0.3
-    # It does not reverse, and ahead is the wall.
-    assert way_out(StateChecker(WALL, robot.steered(2.0, reverse=False)), np.array([8.2, 3.0, 0.0])) is None
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False])
 def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reverse: bool) -> None:
@@ -107,11 +68,6 @@ def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reve
             assert depths.max() <= depths[0] + 1e-4
             met += 1
     assert met > few(20)
-
-
-def test_there_may_be_no_way_out() -> None:
-    full = World("full", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 5.0), 10.0, 10.0),))
-    assert way_out(StateChecker(full, ROBOTS["disc"]), np.array([5.0, 5.0, 0.0])) is None
 
 
 @pytest.mark.slow
@@ -138,17 +94,3 @@ def test_replanning_leads_out_first(name: str) -> None:
     # Once it is out it stays out.
     assert not valid[0]
     assert valid[np.argmax(valid) :].all()
-
-
-@pytest.mark.slow
-def test_a_car_is_free_from_the_state_on_that_ends_its_escape() -> None:
-    corner = Polygon(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 0.5], [0.5, 0.5], [0.5, 3.0], [0.0, 3.0]]))
-    world, robot = World("corner", (0.0, 0.0, 10.0, 10.0), (corner,)), Robot.rectangle(0.8, 0.4).steered(1.0)
-    start, goal = np.array([0.3, 0.3, 0.7]), np.array([9.0, 1.5, 0.0])
-    path = Path(np.array([start, goal]))
-    result = LandmarkPlanner(world, robot, seed=0).replan(start, goal, path, 10.0, escape=True)
-    assert result.path is not None
-    assert result.escape > 0
-    free = result.path.states[result.escape :]
-    assert check_path(world, robot, free).free
-    assert not check_path(world, robot, result.path.states[: result.escape + 1]).free

@@ -3,120 +3,23 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import threading
 from collections import Counter
-from collections.abc import Callable
 from types import FrameType
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.forks import Forks
-from tests.support.interrupts import interrupted, lines_run
-from tests.support.trials import few, trials
+from tests.helpers.interrupts import interrupted, lines_run
+from tests.helpers.oracles import judge
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, joined_pairs, random_world
 
 from trailmark import Disc, LandmarkPlanner, StateChecker
-from trailmark.landmarks import free_samples
-from trailmark.planning import PlanProgress
 from trailmark.planning.warmup import warm_up
 
-FloatArray = NDArray[np.float64]
-Judge = Callable[..., float]
-
 WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
-
-ROADMAP = ("roadmap/roadmap.py", "roadmap/search.py")
-PLANNING = (
-    "planning/planner.py",
-    "planning/dispatch.py",
-    "planning/pipeline.py",
-    "planning/incumbent.py",
-    "planning/query.py",
-    "planning/placement.py",
-    "planning/batch.py",
-    "planning/prover.py",
-    "proofs/background.py",
-)
-
-
-def queries(planner: LandmarkPlanner, n: int) -> FloatArray:
-    """Starts and goals in one part of the world, shape (n, 2, 3)."""
-    ends = free_samples(planner.checker, 4 * n, random_state=8)
-    reached = planner.relaxation.component(ends[0])
-    return ends[reached[planner.relaxation.cells(planner.relaxation.disc_centers(ends))]][: 2 * n].reshape(-1, 2, 3)
-
-
-def assert_sound(planner: LandmarkPlanner, judge: Judge, pairs: FloatArray, *, rounds: int = 1) -> None:
-    """Assert that what the planner answers now is free, by shapely, and that nothing is left running."""
-    q, edges, lengths, status = planner.roadmap.rows()
-    assert len(lengths) == len(status) == len(edges)
-    assert edges.max(initial=-1) < len(q)
-    for start, goal in pairs:
-        result = planner.plan(start, goal, 20.0, max_iterations=rounds)
-        assert result.path is not None
-        assert result.path.cost == pytest.approx(judge(WORLD, planner.robot, start, goal, result.path.states))
-    assert not [t for t in threading.enumerate() if t.name == "proof of infeasibility"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["rectangle", "disc"])
-def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
-    pairs = queries(planner, 12)
-    planner.build(150)
-    plain = planner.plan(pairs[0, 0], pairs[0, 1], 20.0, max_iterations=1)
-    assert plain.status == "solved"
-    hits = k = 0
-    for step in trials(120, of=2):
-        start, goal = pairs[step % len(pairs)]
-        files = ROADMAP if step % 2 else PLANNING
-
-        def plan(start: FloatArray = start, goal: FloatArray = goal) -> object:
-            return planner.plan(start, goal, 20.0, max_iterations=1)
-
-        k += 1 + step // 8
-        if not interrupted(files, plan, k):
-            # All lines of this query have had their turn.
-            k = 0
-        else:
-            hits += 1
-        if step % 60 == 59:
-            assert_sound(planner, judge, pairs[step // 60 :: 5])
-    assert hits > few(80, of=2)
-
-
-@pytest.mark.slow
-def test_an_exception_of_a_callback_leaves_all_sound(judge: Judge) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4)
-    pairs = queries(planner, 10)
-
-    class StopHere(Exception):  # noqa: N818  # no error
-        pass
-
-    raised = 0
-    for step in trials(40):
-        left = [step % 13]
-
-        def asked(left: list[int] = left) -> bool:
-            left[0] -= 1
-            if left[0] < 0:
-                raise StopHere
-            return False
-
-        def told(progress: PlanProgress, asked: Callable[[], bool] = asked) -> None:
-            asked()
-
-        ends = pairs[step % 10, 0], pairs[step % 10, 1]
-        try:
-            if step % 2:
-                planner.plan(*ends, 20.0, max_iterations=3, on_progress=told)
-            else:
-                planner.plan(*ends, 20.0, max_iterations=3, stop=asked)
-        except StopHere:
-            raised += 1
-    assert raised > few(13)
-    assert_sound(planner, judge, pairs, rounds=3)
 
 
 @pytest.mark.slow
@@ -129,7 +32,7 @@ def test_ctrl_c_arrives_as_such(car: bool) -> None:
         warm_up("curve")
         robot = robot.steered(1.0)
     planner = LandmarkPlanner(WORLD, robot, seed=4)
-    pairs = queries(planner, 10)
+    pairs = joined_pairs(planner, 10)
     rng = np.random.default_rng(2)
     arrived: Counter[str] = Counter()
 
@@ -173,7 +76,7 @@ UPDATING = (
 
 
 @pytest.mark.slow
-def test_updates_after_an_interrupt_at_any_line_of_the_first_are_right(judge: Judge) -> None:
+def test_updates_after_an_interrupt_at_any_line_of_the_first_are_right() -> None:
     world = random_world(3, 12, size=25.0, radii=(0.3, 2.0), discs=0.3)
     worlds = [world.edited(remove=[3]), world.edited(remove=[7, 8]), world.edited(add=[Disc((5.0, 5.0), 0.4)])]
     robot = ROBOTS["rectangle"]
@@ -235,5 +138,5 @@ assert status == (child, 0), status
 
 
 @pytest.mark.slow
-def test_a_forked_process_plans_though_a_thread_did_when_it_was_forked(forks: Forks) -> None:
-    forks.run(["-c", FORKING], timeout=120.0).check_returncode()
+def test_a_forked_process_plans_though_a_thread_did_when_it_was_forked() -> None:
+    subprocess.run([sys.executable, "-c", FORKING], timeout=120.0, check=True)

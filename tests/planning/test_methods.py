@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import Any
 
-import networkx as nx
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
 
 from trailmark import LandmarkPlanner
-from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.planning import PlannerSettings, PlanResult
 from trailmark.planning.incumbent import GAP
-from trailmark.planning.placement import path_over_landmarks
 from trailmark.planning.settings import METHODS, STAGES
 from trailmark.shapes import Rectangle
-from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
 
 WALLS = (Rectangle((4.0, 1.5), 0.5, 3.0), Rectangle((8.0, 4.5), 0.5, 3.0))
@@ -51,31 +45,6 @@ def test_every_method_finds_a_path(method: str, robot: str) -> None:
     assert states[np.argmin(np.abs(states[:, 0] - 8.0)), 1] < 3.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", ["disc", "rectangle"])
-def test_lattices_alone_find_a_path_without_landmarks(robot: str) -> None:
-    result = plan(robot, METHODS["lattice"])
-    assert result.path is not None
-    # The path's own states are all that its roadmap keeps.
-    assert result.landmarks <= len(result.path.states) + 2
-
-
-def test_lattices_alone_end_where_none_leads_through() -> None:
-    shut = World("shut", (0, 0, 12, 6), (Rectangle((6.0, 3.0), 0.5, 6.0),))
-    planner = LandmarkPlanner(shut, ROBOTS["rectangle"], seed=0, settings=METHODS["lattice"])
-    result = planner.plan(START, GOAL, 600.0)
-    assert result.path is None
-    assert (result.time["total"] or 0.0) < 600.0
-
-
-@pytest.mark.slow
-def test_the_published_method_answers_by_its_roadmap_alone() -> None:
-    published, full = (plan("rectangle", METHODS[name]).cost for name in ("paper", "landmark"))
-    assert published is not None
-    assert full is not None
-    assert published > full
-
-
 TAKING_PART = {
     # Discs have a path of their own before any lattice, and cars go without lattices.
     "rectangle": [name for name in STAGES if name not in ("disc-path", "hybrid-astar")],
@@ -105,28 +74,3 @@ def test_the_planner_does_without_any_one_stage(stage: str, robot: str) -> None:
 def test_wrong_names_are_refused(wrong: dict[str, Any], match: str) -> None:
     with pytest.raises(ConfigurationError, match=match):
         PlannerSettings(**wrong)
-
-
-CROSSING = World("crossing", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 3.0), 1.0, 6.0),))
-"""A wall with 4 m above it."""
-
-
-def test_a_path_over_landmarks_leads_over_them_alone_and_is_the_shortest() -> None:
-    robot = Robot.rectangle(1.0, 0.5)
-    checker = StateChecker(CROSSING, robot)
-    landmarks = np.array([[5.0, 5.0, 0.0], [9.0, 8.0, 0.3], [11.0, 8.0, 0.0], [15.0, 5.0, 0.0], [10.0, 9.0, 0.0]])
-    start, goal = (2.0, 2.0, 0.0), (18.0, 2.0, 0.0)
-    roadmap, path = path_over_landmarks(checker, landmarks, start, goal)
-    assert path is not None
-    nodes = np.vstack([landmarks, start, goal])
-    assert all((nodes == state).all(axis=1).any() for state in path.states)
-    assert np.array_equal(path.states[[0, -1]], [start, goal])
-    assert not Oracle(CROSSING, robot).collides(path.resample(0.02).states).any()
-    # All pairs of so few nodes are edges: every simple path over certified ones, by networkx.
-    graph = nx.Graph()
-    for i, j in combinations(range(len(nodes)), 2):
-        if checker.motions_valid(nodes[[i]], nodes[[j]])[0]:
-            graph.add_edge(i, j, cost=Path(nodes[[i, j]]).cost)
-    best = nx.shortest_path_length(graph, 5, 6, weight="cost")
-    assert path.cost == pytest.approx(best, abs=1e-9)
-    assert len(roadmap) == len(nodes)

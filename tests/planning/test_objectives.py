@@ -4,19 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.density_oracle import sampled_cost
+from tests.helpers.oracles import sampled_cost
 
-from trailmark import (
-    CostZone,
-    LandmarkPlanner,
-    Objective,
-    PlanResult,
-    Polygon,
-    Rectangle,
-    Robot,
-    SpeedZone,
-    World,
-)
+from trailmark import CostZone, LandmarkPlanner, Objective, PlanResult, Polygon, Rectangle, Robot, World
 
 AISLE = World(
     "aisle",
@@ -71,17 +61,6 @@ def test_a_dear_zone_is_gone_round_and_a_cheap_one_gone_through(name: str) -> No
     require_priced(cheap, result, Objective())
     assert result.path is not None
     assert (result.path.states[:, 1] >= 6.95).any()
-
-
-def test_time_minds_speed_limits() -> None:
-    world = World("slow", (0.0, 0.0, 10.0, 10.0), zones=(SpeedZone(SQUARE, 0.25),))
-    objective = Objective.of("time", max_speed=2.0, max_turn_rate=0.5)
-    result = planned(world, ROBOTS["rectangle"], objective)
-    require_priced(world, result, objective)
-    assert result.cost == pytest.approx((4.0 + 2.0 * np.hypot(2.0, 3.0)) / 2.0, rel=0.02)
-    plain = planned(world, ROBOTS["rectangle"], "length")
-    assert plain.objective is None
-    assert plain.cost == pytest.approx(8.0)
 
 
 @pytest.mark.slow

@@ -43,10 +43,6 @@ def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
 GAP = box(7.0, 4.0, 9.0, 6.0)
 
 
-def plan(world: World, robot: Robot, seconds: float = 1.0) -> PlanResult:
-    return LandmarkPlanner(world, robot, seed=1, settings=QUICK).plan(START, GOAL, time_limit=seconds)
-
-
 def first_path(world: World, robot: Robot) -> PlanResult:
     return LandmarkPlanner(world, robot, seed=1, settings=QUICK).plan(START, GOAL, time_limit=60.0, gap=np.inf)
 
@@ -102,19 +98,6 @@ def test_the_way_back_is_another_one() -> None:
 
 
 @pytest.mark.slow
-def test_a_zone_over_everything_lets_pass_along_its_heading_only() -> None:
-    everywhere = box(-5.0, -5.0, 30.0, 30.0)
-    along = plan(World("w", BOUNDS, zones=(OneWayZone(everywhere, 0.0, 0.1),)), ROBOTS["rectangle"])
-    assert along.path is not None
-    assert along.path.length == pytest.approx(12.0, abs=1e-6)
-    against = World("w", BOUNDS, zones=(OneWayZone(everywhere, math.pi, 0.1),))
-    result = plan(against, ROBOTS["rectangle"], 0.2)
-    assert result.path is None
-    # A world without zones has a path, and nothing is proven by them.
-    assert result.status == "timeout"
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("depth", [8e-8, 1.2e-7, 1.9e-7, 4e-7, 2e-6])
 def test_a_path_past_a_corner_is_free_to_an_audit(depth: float) -> None:
     world = World("w", (0.0, 0.0, 4.0, 4.0), robot=ROBOTS["disc"], zones=(OneWayZone(box(2, 1, 3, 2), math.pi, 2.0),))
@@ -123,19 +106,3 @@ def test_a_path_past_a_corner_is_free_to_an_audit(depth: float) -> None:
     assert result.path is not None
     assert check_path(world, None, result.path).free
     assert check_path(world, None, [start, goal]).free == (depth < 1e-7)
-
-
-def test_worlds_with_zones_change() -> None:
-    world = World("w", BOUNDS, WALL, ids=("low", "high"), zones=(OneWayZone(GAP, math.pi, 0.5),))
-    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)
-    first = planner.plan(START, GOAL, time_limit=60.0, gap=np.inf)
-    assert first.path is not None
-    opened = world.edited(remove=["low"])
-    planner.update(opened)
-    second = planner.replan(START, GOAL, first.path, improvement=0.2)
-    assert second.path is not None
-    assert_right_way(opened, second.path)
-    planner.update(World("w", BOUNDS, WALL, ids=("low", "high")))
-    third = planner.plan(START, GOAL, time_limit=60.0)
-    assert third.path is not None
-    assert third.path.length == pytest.approx(12.0, abs=1e-6)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import copy
 import pickle
-import threading
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.forks import Forks
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot
 from trailmark.landmarks import free_samples
@@ -21,10 +18,6 @@ from trailmark.planning.settings import PlannerSettings
 WORLD = random_world(3, 40, size=40.0, discs=0.3)
 LIMIT = 600.0
 """Seconds: never reached, so that the seed alone decides."""
-
-
-def pickled(value: Any) -> Any:
-    return pickle.loads(pickle.dumps(value))  # noqa: S301  # made in the same line
 
 
 def used(robot: Robot) -> LandmarkPlanner:
@@ -88,57 +81,3 @@ def test_a_copy_answers_as_the_planner_does(name: str, lived: Callable[[str], Li
     unpickled = pickle.loads(lived(name).pickle)  # noqa: S301  # made by the test
     for other in (unpickled, lived(name).deepcopy):
         assert all(same(a, b) for a, b in zip(answers(other), expected, strict=True))
-
-
-@pytest.mark.slow
-def test_a_copy_and_the_planner_are_apart(lived: Callable[[str], Lived]) -> None:
-    planner = pickle.loads(lived("disc").pickle)  # noqa: S301  # made by the test
-    other, nodes, world = copy.copy(planner), len(planner.roadmap), planner.world
-    answers(other)
-    assert len(other.roadmap) != nodes
-    assert len(planner.roadmap) == nodes
-    assert planner.world is world
-
-
-PROGRAM = """
-import pickle, sys
-from tests.planning.test_pickle import answers
-with open(sys.argv[1], "rb") as file:
-    planner = pickle.load(file)
-with open(sys.argv[1], "wb") as file:
-    pickle.dump(answers(planner), file)
-"""
-
-
-@pytest.mark.slow
-def test_another_process_gets_the_same_answers(tmp_path: FilePath, forks: Forks, lived: Callable[[str], Lived]) -> None:
-    file = tmp_path / "planner"
-    file.write_bytes(lived("rectangle").pickle)
-    forks.run(["-c", PROGRAM, str(file)], timeout=300.0, cwd=FilePath(__file__).parents[2]).check_returncode()
-    theirs = pickle.loads(file.read_bytes())  # noqa: S301  # made by the test
-    assert all(same(a, b) for a, b in zip(theirs, lived("rectangle").expected, strict=True))
-
-
-@pytest.mark.slow
-def test_a_planner_is_pickled_between_queries() -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS["disc"], seed=0, warm=False)
-    ends = free_samples(planner.checker, 2, random_state=1)
-    inside, done, order = threading.Event(), threading.Event(), []
-
-    def pickle_it() -> None:
-        inside.wait(60.0)
-        pickle.dumps(planner)
-        order.append("pickled")
-        done.set()
-
-    thread = threading.Thread(target=pickle_it)
-    thread.start()
-
-    def hold(_: object) -> None:
-        inside.set()
-        assert not done.wait(0.02)
-
-    planner.plan(ends[0], ends[1], LIMIT, max_iterations=1, on_progress=hold)
-    order.append("planned")
-    thread.join()
-    assert sorted(order) == ["pickled", "planned"]

@@ -17,8 +17,8 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_states, random_world
-from tests.support.interrupts import interrupted
+from tests.helpers.interrupts import interrupted
+from tests.helpers.worlds import ROBOTS, random_states, random_world
 
 from trailmark import LandmarkPlanner, PlannerSettings
 from trailmark.collision import StateChecker

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from tests.support.trials import thorough
+from tests.helpers.oracles import judge
+from tests.helpers.trials import thorough
+from tests.helpers.worlds import GRID_KINDS, far_pairs
 
+from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanResult
 from trailmark.planning.incumbent import GAP
-from trailmark.world import Query, World
+from trailmark.world import Query, Robot, World
 from trailmark.world.library import shipped_worlds
 
 QUICK = PlannerSettings(sweeps=5, first_sweeps=2, patience=1)
@@ -30,7 +31,7 @@ def solve(planner: LandmarkPlanner, query: Query, gap: float) -> PlanResult:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_worlds())
-def test_queries_are_answered(name: str, judge: Callable[..., float]) -> None:
+def test_queries_are_answered(name: str) -> None:
     world = World.load(shipped_worlds()[name])
     assert world.robot is not None
     many = len(world.obstacles) > 1000 and not thorough()
@@ -61,3 +62,18 @@ def test_the_enclosed_goal_is_proven_infeasible() -> None:
     world = World.load(shipped_worlds()["enclosed"])
     query = world.query("infeasible")
     assert LandmarkPlanner(world, seed=0).plan(query.start, query.goal).status == "infeasible"
+
+
+@pytest.mark.parametrize("kind", GRID_KINDS)
+def test_paths_are_certified_and_within_a_hundredth_of_the_bound(kind: str) -> None:
+    rng = np.random.default_rng(5)
+    blocked = GRID_KINDS[kind](rng, 100)
+    ((x, y, u, v),) = far_pairs(blocked, rng, 1)
+    world = World.from_grid(blocked, 1.0)
+    planner = LandmarkPlanner(world, Robot.disc(0.4), seed=0)
+    result = planner.plan((x + 0.5, y + 0.5, 0.0), (u + 0.5, v + 0.5, 0.0), time_limit=5.0)
+    assert result.path is not None
+    assert result.lower_bound is not None
+    assert result.lower_bound <= result.path.cost <= 1.01 * result.lower_bound
+    states = result.path.states
+    assert StateChecker(world, Robot.disc(0.4)).motions_valid(states[:-1], states[1:]).all()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import lru_cache
 from itertools import pairwise
 
@@ -12,25 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few
+from tests.helpers.oracles import judge
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
-from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
-from trailmark.motion import CurveMotion, motion_of
 from trailmark.planning import shorten
 from trailmark.roadmap import Roadmap
-from trailmark.shapes import Rectangle
-from trailmark.trajectories import CurvePath
-from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
-Judge = Callable[..., float]
-
-CAR = Robot.rectangle(1.0, 0.6)
-OPEN = StateChecker(World("open", (0, 0, 20, 20)), CAR)
 
 
 def cost(states: FloatArray, turning: bool = True) -> float:
@@ -58,7 +48,7 @@ def longest_way(roadmap: Roadmap) -> FloatArray:
 @pytest.mark.slow
 @settings(max_examples=few(40))
 @given(name=st.sampled_from(sorted(ROBOTS)), world=st.integers(0, 5), seed=st.integers(0, 10_000))
-def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, seed: int) -> None:
+def test_paths_get_no_longer_and_stay_free(name: str, world: int, seed: int) -> None:
     chart = roadmap(name, world)
     states = longest_way(chart)
     if len(states) < 3:
@@ -71,66 +61,6 @@ def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, 
     assert cost(short, turning) <= cost(states, turning) + 1e-9
     judge(chart.checker.world, ROBOTS[name], states[0], states[-1], short)
     assert chart.checker.motions_valid(short[:-1], short[1:]).all()
-
-
-@pytest.mark.slow
-def test_much_is_gained() -> None:
-    gains = []
-    for name in ROBOTS:
-        for seed in range(3):
-            states = longest_way(roadmap(name, seed))
-            if len(states) > 4:
-                short = shorten(roadmap(name, seed).motion, states, np.random.default_rng(0))
-                gains.append(1.0 - cost(short, name != "disc") / cost(states, name != "disc"))
-    assert len(gains) > 10
-    assert np.mean(gains) > 0.15
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_in_the_open_the_straight_motion_is_found(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    states = rng.uniform((2, 2, -3.1), (18, 18, 3.1), (30, 3))
-    short = shorten(motion_of(OPEN), states, rng)
-    assert np.array_equal(short, states[[0, -1]])
-
-
-def test_around_a_corner_the_shortest_way_is_found() -> None:
-    # A robot like a point around one corner of a block: the shortest path is known. Shortening stops when little
-    # is gained any more.
-    world = World("corner", (0, 0, 20, 20), (Rectangle((15.0, 5.0), 10.0, 10.0),))
-    checker = StateChecker(world, Robot.disc(1e-3))
-    states = np.array([[9.0, 1.0, 0.0], [2.0, 9.0, 0.0], [4.0, 18.0, 0.0], [19.0, 19.0, 0.0], [19.0, 11.0, 0.0]])
-    best = math.dist((9.0, 1.0), (10.0, 10.0)) + math.dist((10.0, 10.0), (19.0, 11.0))
-    for seed in range(3):
-        assert best - 1e-2 < cost(shorten(motion_of(checker), states, np.random.default_rng(seed)), False) < 1.03 * best
-
-
-@pytest.mark.slow
-def test_added_vertices_lead_around_a_block() -> None:
-    # The shortest path bends twice; moved alone, the one bend that there is has nowhere better to go.
-    robot = Robot.rectangle(2.0, 1.0)
-    checker = StateChecker(World("block", (0, 0, 30, 20), (Rectangle((15.0, 6.0), 6.0, 12.0),)), robot)
-    states = np.array([[6.0, 6.0, 0.0], [15.0, 18.2, 0.0], [24.0, 6.0, 0.0]])
-    assert checker.motions_valid(states[:-1], states[1:]).all()
-    motion = motion_of(checker)
-    plain, split = (
-        [cost(shorten(motion, states, np.random.default_rng(s), tolerance=1e-5, splitting=on)) for s in range(9)]
-        for on in (False, True)
-    )
-    assert np.median(split) < np.median(plain), (split, plain)
-
-
-def test_turning_to_and_fro_is_left_out() -> None:
-    # In a corridor too narrow to turn in: only headings can be gained, since the way is straight.
-    walls = (Rectangle((10.0, 8.9), 20.0, 1.0), Rectangle((10.0, 11.1), 20.0, 1.0))
-    checker = StateChecker(World("corridor", (0, 0, 20, 20), walls), Robot.rectangle(2.0, 1.0))
-    x = np.linspace(2.0, 18.0, 17)
-    states = np.column_stack([x, np.full(17, 10.0), 0.08 * (-1.0) ** np.arange(17)])
-    assert checker.motions_valid(states[:-1], states[1:]).all()
-    short = shorten(motion_of(checker), states, np.random.default_rng(0))
-    turned = np.abs(np.diff(short[:, 2])).sum()
-    assert turned == pytest.approx(0.0, abs=1e-3)
-    assert cost(short) == pytest.approx(16.0, abs=1e-3)
 
 
 def test_seed_sweeps_and_deadline() -> None:
@@ -157,51 +87,3 @@ def test_seed_sweeps_and_deadline() -> None:
 
 
 # --- a car's paths
-
-KINDS = [Steering(1.5), Steering(1.5, reverse=False)]
-NAMES = ["reeds-shepp", "dubins"]
-LORRY = Robot.rectangle(1.6, 0.8)
-
-
-def walked(checker: StateChecker, steering: Steering, seed: int, knots: int) -> np.ndarray:
-    """A path of certified curves to and fro."""
-    motions, rng = CurveMotion(checker, steering), np.random.default_rng(seed)
-    xmin, ymin, xmax, ymax = checker.world.bounds
-    while True:
-        q = rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi))
-        if checker.valid(q):
-            break
-    path = [q]
-    for _ in range(20_000):
-        near = path[-1] + rng.normal(0.0, 1.0, 3) * (3.0, 3.0, 0.8)
-        near[2] = np.arctan2(np.sin(near[2]), np.cos(near[2]))
-        if motions.motion_valid(path[-1], near):
-            path.append(near)
-        if len(path) == knots:
-            break
-    assert len(path) == knots
-    return np.array(path)
-
-
-@pytest.mark.parametrize("steering", KINDS, ids=NAMES)
-@pytest.mark.parametrize("seed", range(4))
-def test_shorter_and_still_free(steering: Steering, seed: int) -> None:
-    world = random_world(30 + seed, 30, size=40.0, discs=0.3)
-    checker = StateChecker(world, LORRY)
-    knots = walked(checker, steering, seed, 15)
-    short = shorten(CurveMotion(checker, steering), knots, np.random.default_rng(seed))
-    assert np.array_equal(short[[0, -1]], knots[[0, -1]])
-    before, after = CurvePath(knots, steering), CurvePath(short, steering)
-    assert steering.lengths(knots[0], knots[-1]) - 1e-6 <= after.length < 0.9 * before.length
-    assert CurveMotion(checker, steering).motions_valid(short[:-1], short[1:]).all()
-    assert not Oracle(world, LORRY).collides(after.resample(0.01).states).any()
-
-
-@pytest.mark.parametrize("steering", KINDS, ids=NAMES)
-def test_in_the_open_the_shortest_curve_is_found(steering: Steering) -> None:
-    checker = StateChecker(World("open", (-50.0, -50.0, 50.0, 50.0)), LORRY)
-    rng = np.random.default_rng(0)
-    for _ in range(5):
-        knots = rng.uniform((-20, -20, -3), (20, 20, 3), (8, 3))
-        short = shorten(CurveMotion(checker, steering), knots, rng)
-        assert CurvePath(short, steering).length == pytest.approx(steering.lengths(knots[0], knots[-1]), rel=1e-3)

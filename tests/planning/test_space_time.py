@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few, trials
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, Rectangle, Robot, StateChecker, World, se2
+from trailmark import Disc, LandmarkPlanner, Path, Rectangle, Robot, StateChecker, World, se2
 from trailmark.collision.footprint import build_footprint
-from trailmark.errors import ConfigurationError
 from trailmark.planning.result import ReplanResult
-from trailmark.planning.space_time import MovingObstacles, motions_clear, path_clear, state_clear
+from trailmark.planning.space_time import MovingObstacles, motions_clear
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon, Shape
 from trailmark.world.moving import Moving
@@ -96,62 +95,6 @@ def test_a_motion_is_clear_just_when_no_moment_shows_contact(name: str) -> None:
     assert verdicts[1, 1] > few(10, of=6)
 
 
-def test_grazing_is_decided_to_a_micrometre() -> None:
-    disc, body = ROBOTS["disc"], ROBOTS["rectangle"]
-    half = 0.5 * float(np.ptp(body.outline.vertices[:, 1]))
-    a, b = np.array([-5.0, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])
-    for offset, clear in ((1e-6, True), (-1e-6, False)):
-        # The discs cross at right angles: their least distance is that of the lines' meeting, 45 degrees off.
-        reach = np.sqrt(2.0) * (0.7 + disc.circumradius + offset)
-        crossing = Moving(Disc((0.0, -5.0 + reach), 0.7), (0.0, 1.0), 20.0)
-        passing = Moving(Disc((5.0, half + 0.7 + offset), 0.7), (-1.0, 0.0), 20.0)
-        for robot, moving in ((disc, crossing), (body, passing)):
-            assert motion_clear(MovingObstacles.of([moving], build_footprint(robot)), a, 0.0, b, 10.0) == clear
-
-
-@pytest.mark.parametrize(
-    ("x", "speed", "until", "clear"),
-    [
-        (5.0, 0.0, 20.0, False),
-        (5.0, 0.0, 3.4, True),  # it is foreseen up to a moment before the robot comes
-        (5.0, 0.0, 3.6, False),
-        (-3.0, 1.0, 20.0, True),
-        (-3.0, 1.2, 20.0, False),
-        (-3.0, 1.1, 20.0, True),
-        (12.0, -1.0, 20.0, False),
-        (12.0, -1.0, 5.2, True),
-        (12.0, -1.0, 5.3, False),
-    ],
-)
-def test_what_stands_what_overtakes_and_what_comes_head_on(x: float, speed: float, until: float, clear: bool) -> None:
-    moving = Moving(Disc((x, 0.0), 0.5), (speed, 0.0), until)
-    obstacles = MovingObstacles.of([moving], build_footprint(Robot.rectangle(2.0, 1.0)))
-    assert motion_clear(obstacles, np.zeros(3), 0.0, np.array([10.0, 0.0, 0.0]), 10.0) == clear
-
-
-def test_turning_in_place_meets_what_passes_beside() -> None:
-    moving = Moving(Disc((-5.0, 0.9), 0.5), (1.0, 0.0), 20.0)
-    obstacles = MovingObstacles.of([moving], build_footprint(Robot.rectangle(2.0, 0.4)))
-    here, turned = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.5])
-    assert motion_clear(obstacles, here, 0.0, here, 10.0)
-    assert not motion_clear(obstacles, here, 4.0, turned, 5.0)
-    assert motion_clear(obstacles, here, 0.0, turned, 1.0)
-
-
-@pytest.mark.slow
-def test_one_inside_the_other_is_no_clear_start() -> None:
-    inside, ring = Moving(Disc((0.2, 0.0), 0.05), (0.0, 0.0), 1.0), Moving(Rectangle((0, 0), 9, 9), (1.0, 0.0), 1.0)
-    for name, robot in ROBOTS.items():
-        if name == "car":
-            continue
-        at = np.array([-0.1, 0.0, 0.0]) if name != "L" else np.array([0.0, -0.0, 0.0])
-        for moving in (inside, ring):
-            obstacles = MovingObstacles.of([moving], build_footprint(robot))
-            touching = gap(robot, at, moving) <= 0.0
-            assert state_clear(obstacles, at) == (not touching)
-        assert path_clear(MovingObstacles.of([ring], build_footprint(robot)), np.array([at, at + 0.1]), 1.0) == 0
-
-
 def check(result: ReplanResult, world: World, robot: Robot, speed: float, start: FloatArray, goal: FloatArray) -> None:
     """Assert that a path, if there is one, joins start and goal and meets nothing, standing or moving."""
     if result.path is None:
@@ -195,44 +138,6 @@ def test_a_path_passes_what_crosses_it(world: World, name: str) -> None:
     check(again, later, robot, speed, here, GOAL)
 
 
-def test_a_path_that_passes_in_time_is_kept_and_one_swept_is_not() -> None:
-    robot, speed, path = ROBOTS["rectangle"], 2.0, Path(np.array([START, GOAL]))
-    planner = LandmarkPlanner(FIELD, robot, seed=0)
-    planner.update(FIELD.edited(add=[Moving(Disc((20.0, 10.0), 0.8), (0.0, 1.0), 8.0)]))
-    assert planner.replan(START, GOAL, path, speed=speed).kept
-    # Where steps do not help either, what is swept is avoided.
-    helpless = LandmarkPlanner(FIELD, robot, seed=0, settings=PlannerSettings(space_time_nodes=1))
-    helpless.update(FIELD.edited(add=[Moving(Disc((20.0, 2.0), 0.8), (0.0, 0.9), 12.0)]))
-    for avoiding, result in (
-        (planner, planner.replan(START, GOAL, path)),
-        (helpless, helpless.replan(START, GOAL, path, speed=speed)),
-    ):
-        assert not result.kept
-        assert result.path is not None
-        check(result, avoiding.world, robot, speed, START, GOAL)
-
-
-def test_where_all_that_changes_moves_nothing_that_stands_is_built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    built: list[World] = []
-    edited = StateChecker.edited
-
-    def count(self: StateChecker, world: World) -> StateChecker:
-        built.extend([world] * (world.name == HALL.name))
-        return edited(self, world)
-
-    planner = LandmarkPlanner(HALL, ROBOTS["disc"], seed=0)
-    path = planner.plan(START, GOAL, time_limit=5.0, max_iterations=2).path
-    assert path is not None
-    monkeypatch.setattr(StateChecker, "edited", count)
-    for now in range(4):
-        planner.update(HALL.edited(add={"cart": Moving(Disc((30.0, 2.0 + now), 0.5), (0.0, 1.0), 2.0)}))
-        assert planner.replan(START, GOAL, path, speed=2.0).path is not None
-        assert built == []
-    # What it sweeps is occupied for whoever does not say how fast it is.
-    assert planner.replan(START, GOAL, path).path is not None
-    assert len(built) == 1
-
-
 def test_a_robot_that_stands_in_what_will_be_swept_gets_out_of_the_way() -> None:
     robot, speed = ROBOTS["disc"], 2.0
     planner = LandmarkPlanner(FIELD, robot, seed=0)
@@ -262,44 +167,6 @@ def test_no_way_out_says_so_and_gives_the_steps_that_last_longest() -> None:
     assert "where it is" in result.reason
 
 
-def test_a_robot_in_a_frame_that_moves_along_is_clear() -> None:
-    outline, hole = ((0, 0), (4, 0), (4, 4), (0, 4)), ((0.5, 0.5), (3.5, 0.5), (3.5, 3.5), (0.5, 3.5))
-    frame = Moving(Polygon(np.array(outline, float), (np.array(hole, float),)), (1.0, 0.0), 20.0)
-    for name, reach in (("disc", 0.6), ("rectangle", 1.0)):
-        obstacles = MovingObstacles.of([frame], build_footprint(ROBOTS[name]))
-        for lag, clear in ((0.0, True), (1.4 - reach, True), (1.6 - reach, False)):
-            states = np.array([[2.0, 2.0, 0.0], [12.0 - lag, 2.0, 0.0]])
-            assert (path_clear(obstacles, states, 1.0 - 0.1 * lag) < 0) == clear
-
-
-def test_a_robot_that_has_arrived_and_one_that_only_turns() -> None:
-    moving = Moving(Disc((20.0, 4.0), 0.8), (0.0, 1.0), 8.0)
-    turned = START + np.array([0.0, 0.0, 1.0])
-    for name in ("disc", "rectangle"):
-        planner = LandmarkPlanner(FIELD, ROBOTS[name], seed=0)
-        planner.update(FIELD.edited(add=[moving]))
-        for goal in (START, turned):
-            result = planner.replan(START, goal, Path(np.array([START, goal])), speed=1.0)
-            assert result.path is not None
-            assert result.cost == pytest.approx(0.5 * goal[2])
-
-
-@pytest.mark.slow
-def test_a_disc_that_turns_on_its_way_keeps_to_its_times() -> None:
-    robot, speed, goal = ROBOTS["disc"], 2.0, np.array([38.0, 10.0, 3.0])
-    planner = LandmarkPlanner(FIELD, robot, seed=0)
-    rng = np.random.default_rng(2)
-    found = 0
-    for _ in trials(20):
-        obstacles = [random_moving(rng, 2.0).displaced(*rng.uniform((8, 6), (16, 14))) for _ in range(6)]
-        world = FIELD.edited(add=obstacles)
-        planner.update(world)
-        result = planner.replan(START, goal, Path(np.array([START, goal])), speed=speed)
-        check(result, world, robot, speed, START, goal)
-        found += result.path is not None
-    assert found >= few(15)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 def test_many_moving_obstacles_never_give_a_path_that_meets_one(name: str) -> None:
@@ -321,16 +188,3 @@ def test_many_moving_obstacles_never_give_a_path_that_meets_one(name: str) -> No
             check(result, changed, robot, speed, start, goal)
             found += result.path is not None
     assert found > few(6, of=2)
-
-
-@pytest.mark.slow
-def test_cars_take_what_is_swept_for_occupied_and_bad_speeds_are_refused() -> None:
-    car = ROBOTS["rectangle"].steered(1.0)
-    planner = LandmarkPlanner(FIELD, car, seed=0)
-    path = planner.plan(START, GOAL, time_limit=5.0, max_iterations=1).path
-    assert path is not None
-    planner.update(FIELD.edited(add=[Moving(Disc((20.0, 10.0), 0.8), (0.0, 1.0), 8.0)]))
-    assert not planner.replan(START, GOAL, path, speed=2.0).kept
-    for speed in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(ConfigurationError, match="speed"):
-            planner.replan(START, GOAL, path, speed=speed)

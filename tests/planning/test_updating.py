@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
-from tests.support.trials import trials
+from tests.helpers.trials import trials
+from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
 from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, World
 from trailmark.errors import WorldError
-from trailmark.planning.model import Boxes
 
 
 def edit(world: World, rng: np.random.Generator) -> World:
@@ -47,48 +46,6 @@ def test_it_knows_what_one_built_anew_knows(name: str) -> None:
         nodes, edges = planner.roadmap.configurations, planner.roadmap.edges[planner.roadmap.certified]
         assert anew.motion.motions_valid(nodes[edges[:, 0]], nodes[edges[:, 1]]).all()
     assert changed > 0
-
-
-@pytest.mark.slow
-def test_of_a_grid_map_it_looks_at_the_cells_that_differ() -> None:
-    rng, robot = np.random.default_rng(1), Robot.rectangle(0.6, 0.4)
-    cells = rng.random((200, 300)) < 0.01
-    planner = LandmarkPlanner(World.from_grid(cells, 0.2, (-3.0, 5.0)), robot, seed=0)
-    planner.build(200)
-    changed = 0
-    for _ in range(4):
-        before, cells = cells, cells.copy()
-        row, column = rng.integers(0, 150, 2)
-        cells[row : row + 30, column : column + 40] = rng.random((30, 40)) < 0.02
-        world = World.from_grid(cells, 0.2, (-3.0, 5.0))
-        boxes, count = Boxes.between(planner.world, world)
-        assert count == np.count_nonzero(cells != before)
-        for found, differ in zip(boxes, (before & ~cells, cells & ~before), strict=True):
-            low = np.argwhere(differ)[:, None, ::-1] * 0.2 + (-3.0, 5.0)
-            inside = (found[:, :2] <= low + 1e-9) & (low + 0.2 <= found[:, 2:] + 1e-9)
-            assert np.all(np.any(np.all(inside, axis=2), axis=1))
-            assert (found[:, 2:] - found[:, :2]).max() <= 8.0
-        update = planner.update(world)
-        assert update.changes == count
-        changed += update.gained + update.lost
-        nodes, edges = planner.roadmap.configurations, planner.roadmap.edges[planner.roadmap.certified]
-        anew = LandmarkPlanner(world, robot, seed=0)
-        assert anew.checker.valid(nodes).all()
-        assert anew.motion.motions_valid(nodes[edges[:, 0]], nodes[edges[:, 1]]).all()
-    assert changed > 0
-
-
-def test_blocked_landmarks_leave_and_freed_space_gets_some() -> None:
-    world = World("room", (0.0, 0.0, 30.0, 30.0), (Rectangle((15.0, 15.0), 12.0, 12.0),))
-    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0)
-    planner.build(200)
-    update = planner.update(world.edited(remove=[0]))
-    assert update.landmarks_added > 0
-    inside = np.abs(planner.roadmap.configurations[:, :2] - 15.0).max(axis=1) < 5.0
-    assert inside.any()
-    update = planner.update(planner.world.edited(add=[Disc((15.0, 15.0), 7.0)]))
-    assert update.landmarks_dropped >= np.count_nonzero(inside)
-    assert planner.checker.valid(planner.roadmap.configurations).all()
 
 
 def test_bad_changes_change_nothing() -> None:

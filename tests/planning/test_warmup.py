@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -91,18 +92,17 @@ print(json.dumps(report))
 """
 
 
-@pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    folder, other = tmp_path_factory.mktemp("here"), tmp_path_factory.mktemp("there")
-    words = [sys.executable, "-c", PROGRAM, str(other / "roadmap.npz")]
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=600)
-    assert (done.returncode, done.stderr) == (0, "")
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found | {"left": [file.name for file in folder.iterdir()]}
-
-
 @pytest.mark.slow
-def test_warm_up_compiles_each_entrance_once(report: dict[str, Any]) -> None:
+def test_warm_up_compiles_each_entrance_once_and_nothing_is_compiled_later(tmp_path: Path) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    words = [sys.executable, "-c", PROGRAM, str(tmp_path / "roadmap.npz")]
+    done = subprocess.run(words, cwd=here, capture_output=True, text=True, timeout=600)
+    assert (done.returncode, done.stderr) == (0, "")
+    report: dict[str, Any] = json.loads(done.stdout)
+    # The process needs no working directory of its own.
+    assert list(here.iterdir()) == []
+    assert report["used"] == report["warm"]
     # What only other kernels call is compiled as part of these.
     entrances = {
         "trailmark.collision.kernels.states_free": 1,
@@ -114,13 +114,3 @@ def test_warm_up_compiles_each_entrance_once(report: dict[str, Any]) -> None:
         "trailmark.planning.shortening._sweep": 2,
     }
     assert {name: report["warm"][name] for name in entrances} == entrances
-
-
-@pytest.mark.slow
-def test_nothing_is_compiled_later(report: dict[str, Any]) -> None:
-    assert report["used"] == report["warm"]
-
-
-@pytest.mark.slow
-def test_the_process_needs_no_working_directory_of_its_own(report: dict[str, Any]) -> None:
-    assert report["left"] == []

@@ -8,10 +8,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.cell_oracle import free_somewhere
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few
+from tests.helpers.oracles import Oracle, free_somewhere
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.proofs.cells import (
@@ -29,7 +28,7 @@ from trailmark.proofs.cells import (
     neighbours,
     split,
 )
-from trailmark.proofs.enclosure import Space, core, discs, pivot
+from trailmark.proofs.enclosure import Space, core, pivot
 from trailmark.proofs.region import MARGIN
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -137,21 +136,6 @@ def test_a_core_stays_covered_under_all_shifts_and_turns(name: str, share: float
             moved = shapely.affinity.translate(moved, shift * np.cos(angle), shift * np.sin(angle))
             assert shapely.covers(moved, middle)
             assert shapely.distance(moved.exterior, middle) >= MARGIN - 1e-9
-
-
-@pytest.mark.parametrize("name", sorted(set(ROBOTS) - {"disc"}))
-def test_discs_lie_inside_and_all_over_the_robot(name: str) -> None:
-    robot = ROBOTS[name]
-    region = robot.outline.shapely()
-    found = discs(np.asarray(robot.outline.rings()[0]))
-    assert 4 <= len(found) <= 24
-    assert (np.diff(found[:, 2]) <= 0.0).all()
-    for x, y, r in found:
-        assert region.contains(shapely.Point(x, y))
-        assert region.exterior.distance(shapely.Point(x, y)) >= r
-    # No part of the robot is far from all of them.
-    spread = shapely.distance(shapely.multipoints(found[:, :2]), shapely.points(region.exterior.segmentize(0.1).coords))
-    assert spread.max() < 0.7 * robot.circumradius
 
 
 def test_the_oracle_finds_a_slot_as_narrow_as_a_hundredth_of_the_box() -> None:

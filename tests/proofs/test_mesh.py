@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
@@ -12,17 +11,12 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.random_worlds import random_world
-from tests.support.trials import few, trials
+from tests.helpers.oracles import sign_of_turn
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import random_world
 
 from trailmark.proofs.mesh import Mesh, locate, orientation, orientations, shortest_point_path, triangulated
 from trailmark.proofs.region import free_region
-
-
-def exactly(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> int:
-    (ax, ay), (bx, by), (cx, cy) = ([Fraction(float(v)) for v in p] for p in (a, b, c))
-    value = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
-    return (value > 0) - (value < 0)
 
 
 @pytest.mark.slow
@@ -35,9 +29,9 @@ def test_the_sign_is_exact(seed: int, offset: float, ulps: int) -> None:
     b, c = a + shares[0] * (d - a), a + shares[1] * (d - a)
     c = c + rng.integers(-ulps, ulps + 1, 2) * np.spacing(c)
     for p, q, r in ((a, b, c), (b, c, a), (c, b, a), (a, a, b)):
-        assert np.sign(orientation(*p, *q, *r)) == exactly(p, q, r)
+        assert np.sign(orientation(*p, *q, *r)) == sign_of_turn(p, q, r)
         points = np.array([p, q, r])
-        assert np.sign(orientations(points, np.array([[0, 1, 2]])))[0] == exactly(p, q, r)
+        assert np.sign(orientations(points, np.array([[0, 1, 2]])))[0] == sign_of_turn(p, q, r)
 
 
 def judge(mesh: Mesh, polygon: shapely.Polygon) -> None:
@@ -153,21 +147,6 @@ def test_lengths_are_those_of_the_visibility_graph(seed: int) -> None:
         assert (way[0] == start).all()
         assert (way[-1] == goal).all()
         assert shapely.covers(roomy, shapely.LineString(way))
-
-
-def test_ends_at_vertices_and_on_edges() -> None:
-    block = shapely.box(0, 0, 10, 10).difference(shapely.box(4, 0, 6, 8))
-    mesh = meshed(block)
-    for start, goal, length in (
-        ((4.0, 8.0), (6.0, 8.0), 2.0),
-        ((0.0, 0.0), (10.0, 0.0), 2.0 * np.hypot(4, 8) + 2.0),
-        ((4.0, 4.0), (6.0, 4.0), 10.0),
-        ((0.0, 5.0), (0.0, 9.0), 4.0),
-        ((2.0, 2.0), (2.0, 2.0), 0.0),
-        ((0.0, 8.0), (10.0, 8.0), 10.0),
-    ):
-        found, _ = shortest_point_path(mesh, np.array(start), np.array(goal))
-        assert found == pytest.approx(length, abs=1e-9)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e5])

@@ -5,24 +5,25 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from tests.helpers.oracle import Oracle, motion_states
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.interrupts import interrupted, lines_run, places_run
-from tests.support.trials import few, thorough
+from tests.helpers.interrupts import interrupted, places_run
+from tests.helpers.trials import few, thorough
+from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import free_samples
-from trailmark.roadmap import Roadmap
-from trailmark.world import Robot
+from trailmark.motion import motion_of
+from trailmark.roadmap import EdgeStatus, Roadmap
+from trailmark.roadmap.revalidation import revalidated
+from trailmark.shapes import Shape
+from trailmark.world import Robot, World
 
 Action = Callable[[Roadmap], object]
 
@@ -128,24 +129,6 @@ def test_a_change_that_is_cut_short_has_not_taken_place(name: str) -> None:
     assert ends > 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "rectangle"])
-def test_ways_after_interrupts_are_free(name: str) -> None:
-    roadmap, oracle = base(name), Oracle(WORLD, CHECKERS[name].robot)
-    checked = k = 0
-    for round_ in range(few(40, of=2)):
-        q = free_samples(roadmap.checker, 5, random_state=100 + round_)
-        k = (k + 7) % lines_run(FILES, lambda q=q: twin(roadmap).add(q))  # type: ignore[misc]
-        assert interrupted(FILES, lambda q=q: roadmap.add(q), k)  # type: ignore[misc]
-        for goal in range(1, len(roadmap), 9) if round_ % 10 == 9 else ():
-            states = roadmap.configurations[roadmap.shortest_path(0, goal).nodes]
-            for a, b in pairwise(states):
-                assert not oracle.collides(motion_states(a[None], b[None], 60)[0]).any()
-                checked += 1
-    assert checked > few(50, of=2)
-    assert_whole(roadmap)
-
-
 def test_bad_input_changes_nothing_and_rows_are_of_one_moment() -> None:
     roadmap = base("rectangle")
     rows, before = roadmap.rows(), contents(roadmap)
@@ -160,3 +143,45 @@ def test_bad_input_changes_nothing_and_rows_are_of_one_moment() -> None:
     assert same(rows, before)
     assert len(roadmap.rows()[1]) > len(rows[1])
     assert_whole(roadmap)
+
+
+def boxes(*shapes: Shape) -> np.ndarray:
+    return np.array([shape.bounding_box() for shape in shapes]).reshape(-1, 4)
+
+
+def roadmap_in(world: World, robot: Robot) -> Roadmap:
+    roadmap = Roadmap(StateChecker(world, robot))
+    roadmap.add(free_samples(roadmap.checker, 150, random_state=1))
+    roadmap.certify_all()
+    return roadmap
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L", "car"])
+def test_every_edge_has_the_status_that_the_changed_world_gives_it(name: str) -> None:
+    robot = ROBOTS["rectangle"].steered(2.0) if name == "car" else ROBOTS[name]
+    world = random_world(5, 30, size=40.0, discs=0.3)
+    roadmap = roadmap_in(world, robot)
+    rng = np.random.default_rng(2)
+    gained = lost = dropped = 0
+    for _ in range(few(8, of=2)):
+        gone = int(rng.integers(len(world.obstacles)))
+        come = star_polygon(rng, (float(rng.uniform(0, 40)), float(rng.uniform(0, 40))), 4.0)
+        changed = world.edited(add=[come], remove=[gone])
+        motion = motion_of(StateChecker(changed, robot))
+        before = [np.array(rows) for rows in roadmap.rows()]
+        found = revalidated(roadmap, motion, boxes(world.obstacles[gone]), boxes(come))
+        for i, rows in enumerate(roadmap.rows()):
+            assert np.array_equal(np.array(rows), before[i])
+        q, edges, _, status = found.roadmap.rows()
+        assert motion.checker.valid(q).all()
+        assert len(q) + len(found.dropped) == len(roadmap)
+        if len(found.dropped):
+            assert not motion.checker.valid(found.dropped).any()
+        free = motion.motions_between_valid(q[edges[:, 0]], q[edges[:, 1]])
+        assert np.array_equal(status == EdgeStatus.FREE, free)
+        gained, lost, dropped = gained + found.gained, lost + found.lost, dropped + len(found.dropped)
+        world, roadmap = changed, found.roadmap
+    assert gained > 0
+    assert lost > 0
+    assert dropped > 0

@@ -9,14 +9,13 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from tests.helpers.oracle import Oracle, motion_states
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few
+from tests.helpers.oracles import Oracle, motion_states
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -26,16 +25,14 @@ from trailmark.landmarks import free_samples
 from trailmark.motion import TranslationMotion
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
-from trailmark.shapes import Polygon, Rectangle
+from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
-from trailmark.world.zones import OneWayZone
 
 networkx: Any = nx  # whose functions carry no types
 
 FloatArray = NDArray[np.float64]
 
 CAR = Robot.rectangle(1.6, 0.8).steered(1.5)
-ASIDE = np.array([0.01, 0.0, 0.0])
 MOVERS = {**ROBOTS, "car": CAR, "forward car": CAR.steered(1.5, reverse=False)}
 
 
@@ -103,21 +100,6 @@ def test_edges_join_nearest_neighbours_once(name: str) -> None:
     assert roadmap.distances_to(4) == pytest.approx([cost(roadmap, row, q[4]) for row in q], abs=1e-12)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["car", "forward car"])
-def test_a_cars_edges_are_shortest_curves_to_near_nodes(name: str) -> None:
-    roadmap = roadmap_for(name)
-    q, edges = roadmap.configurations, roadmap.edges
-    assert roadmap.lengths == pytest.approx([cost(roadmap, q[u], q[v]) for u, v in edges.tolist()])
-    pairs = {tuple(pair) for pair in (edges if roadmap.directed else np.sort(edges, axis=1)).tolist()}
-    assert len(pairs) == len(edges)
-    # Most of each node's five nearest by curve length are among its neighbours.
-    lengths = np.array([roadmap.distances_to(i) for i in range(len(q))]).T
-    np.fill_diagonal(lengths, np.inf)
-    near = [(a, int(b)) for a, row in enumerate(np.argsort(lengths, axis=1)[:, :5]) for b in row]
-    assert np.mean([(pair if roadmap.directed else tuple(sorted(pair))) in pairs for pair in near]) > 0.9
-
-
 @pytest.mark.parametrize("name", ["disc", "rectangle", "car"])
 def test_a_path_is_joined_edge_by_edge_and_once(name: str) -> None:
     roadmap = roadmap_for(name)
@@ -137,17 +119,6 @@ def test_a_path_is_joined_edge_by_edge_and_once(name: str) -> None:
     assert roadmap.add_path(np.repeat(q, 2, axis=0)).tolist() == along.tolist()
     assert (len(roadmap), len(roadmap.edges)) == (n + len(inner), len(pairs))
     assert roadmap.ends(np.vstack([q[:1], q[:1] + 1e-9])).tolist() == [along[0], len(roadmap) - 1]
-
-
-def test_a_tree_hangs_on_nodes_and_on_itself() -> None:
-    roadmap = roadmap_for("forward car", n=60)
-    n = len(roadmap)
-    hung = roadmap.add_tree(roadmap.configurations[:2] + ASIDE, np.array([0, n]), reverse=True)
-    assert {(int(hung[0]), 0), (int(hung[1]), int(hung[0]))} <= {tuple(e) for e in roadmap.edges.tolist()}
-    # Those beside a joined node are no news; those beside nothing are.
-    beside = roadmap.configurations[2:5] + ASIDE
-    assert len(roadmap.fresh(beside, 0.1)) == 0
-    assert len(roadmap.fresh(beside, 1e-3)) == 3
 
 
 @pytest.mark.slow
@@ -228,74 +199,6 @@ def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> N
     # What the search has decided on its way, the batch decides alike.
     checked = roadmap.status != UNDECIDED
     assert np.array_equal(roadmap.status[checked], whole.status[checked])
-
-
-def test_a_path_ends_at_the_goal_that_is_cheapest_to_reach() -> None:
-    roadmap = roadmap_for("rectangle", n=200, obstacles=20)
-    start, *goals = free_samples(roadmap.checker, 5, random_state=7)
-    alone = [roadmap.find_path(start, goal) for goal in goals]
-    costs = np.array([roadmap.motion.cost_of(found.states) if len(found.states) else np.inf for found in alone])
-    extra = np.array([0.0, 3.0, 8.0, 1.0])
-    for charges in (None, extra, extra[::-1], 20.0 * extra):
-        found = roadmap.find_path(start, np.array(goals), goal_costs=charges).states
-        total = costs + (0.0 if charges is None else charges)
-        best = int(np.argmin(total))
-        assert np.array_equal(found[[0, -1]], [start, goals[best]])
-        assert roadmap.motion.cost_of(found) == pytest.approx(costs[best])
-    # Nothing undecided is used where nothing is to be checked, and a budget ends the search.
-    fresh = roadmap_for("rectangle", n=200, obstacles=20)
-    status = fresh.status.copy()
-    fresh.find_path(start, goals[0], checking=False)
-    assert np.array_equal(fresh.status, status)
-    assert not fresh.find_path(start, goals[0], budget=1).complete
-
-
-@pytest.mark.slow
-def test_one_way_zones_are_passed_one_way() -> None:
-    zone = OneWayZone(Polygon(np.array(shapely.box(4.0, 0.0, 6.0, 10.0).exterior.coords[:-1])), 0.0, 0.8)
-    roadmap = Roadmap(StateChecker(World("w", (0, 0, 10, 10), zones=(zone,)), Robot.disc(0.2)))
-    roadmap.add(np.array([[x, 5.0, 0.0] for x in (9.0, 7.0, 3.0, 1.0)]))
-    assert roadmap.shortest_path(3, 0).nodes.tolist()[:1] == [3]
-    assert len(roadmap.shortest_path(0, 3).nodes) == 0
-
-
-@pytest.mark.parametrize("name", ["disc", "star", "forward car"])
-def test_the_networkx_graph_says_all(name: str) -> None:
-    roadmap = roadmap_for(name, n=80)
-    oracle = Oracle(roadmap.checker.world, roadmap.checker.robot)
-    graph, q = roadmap.graph, roadmap.configurations
-    assert type(graph) is (nx.DiGraph if roadmap.directed else nx.Graph)
-    assert list(graph.nodes) == list(range(80))
-    clearance = oracle.clearance(q)
-    for i, attributes in graph.nodes(data=True):
-        assert attributes == {
-            "configuration": tuple(q[i].tolist()),
-            "clearance": pytest.approx(clearance[i], abs=1e-6),
-        }
-    kind: Any = tuple if roadmap.directed else frozenset
-    status = {kind(pair): s for pair, s in zip(roadmap.edges.tolist(), roadmap.status.tolist(), strict=True)}
-    assert {kind(pair) for pair in graph.edges} == {pair for pair, s in status.items() if s != BLOCKED}
-    for u, v, attributes in graph.edges(data=True):
-        assert attributes == {
-            "length": pytest.approx(cost(roadmap, q[u], q[v]) if roadmap.directed else attributes["length"]),
-            "certified": status[kind((u, v))] == FREE,
-            "clearance": pytest.approx(min(clearance[u], clearance[v]), abs=1e-6),
-        }
-    # A copy: changing it does not change the roadmap.
-    graph.remove_node(0)
-    assert len(roadmap) == 80
-
-
-def test_an_empty_roadmap() -> None:
-    roadmap = Roadmap(checker_for("disc"))
-    assert (len(roadmap), len(roadmap.graph), len(roadmap.certified)) == (0, 0, 0)
-    roadmap.certify_all()
-    assert roadmap.add(np.empty((0, 3))).tolist() == []
-    assert len(roadmap.fresh(np.array([[1.0, 1.0, 0.0]]), 1.0)) == 1
-    assert len(roadmap.find_path(np.array([1.0, 1.0, 0.0]), np.array([2.0, 1.0, 0.0])).states) == 0
-    assert roadmap.add(np.array([[1.0, 1.0, 0.0]])).tolist() == [0]
-    assert roadmap.shortest_path(0, 0).nodes.tolist() == [0]
-    assert len(roadmap.edges) == 0
 
 
 def test_arrays_that_do_not_agree_are_told_in_one_line() -> None:

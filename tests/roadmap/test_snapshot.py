@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.oracle import Oracle
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
-from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
@@ -28,40 +26,6 @@ def as_graph(graph: RoadmapSnapshot) -> nx.DiGraph:
     whole.add_nodes_from(range(len(q)))
     whole.add_weighted_edges_from(zip(sources.tolist(), links.node.tolist(), costs.tolist(), strict=True))
     return whole
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("reverse", [True, False], ids=["reversing", "forwards"])
-def test_paths_of_cars_are_networkxs(reverse: bool) -> None:
-    world = random_world(11, 25, size=30.0, radii=(0.5, 2.5))
-    checker = StateChecker(world, ROBOTS["rectangle"].steered(1.5, reverse), cell=0.2)
-    roadmap = Roadmap(checker)
-    roadmap.add(free_samples(checker, 200, random_state=3))
-    graph, whole = RoadmapSnapshot(roadmap, stretch=1.0), roadmap.graph
-    whole.remove_edges_from([(u, v) for u, v, free in whole.edges(data="certified") if not free])
-    assert whole.is_directed() != reverse
-    found = 0
-    for i, j in np.random.default_rng(0).integers(0, len(graph), (60, 2)).tolist():
-        between = graph.between(i, j)
-        try:
-            length = nx.dijkstra_path_length(whole, i, j, weight="length")
-        except nx.NetworkXNoPath:
-            assert between is None
-            continue
-        assert between is not None
-        assert graph.motion.cost_of(between) == pytest.approx(length, abs=1e-6)
-        found += 1
-    assert found > 30
-    # From places that are no nodes, in the direction of driving.
-    steering, joined = Steering(1.5, reverse), 0
-    for start, goal in free_samples(checker, 60, random_state=4).reshape(-1, 2, 3):
-        states = graph.find_path(start, goal)
-        if states is not None:
-            assert np.array_equal(states[[0, -1]], [start, goal])
-            along = steering.states(states[:-1], states[1:], np.linspace(0.0, 60.0, 600))
-            assert not Oracle(world, checker.robot, 1e-6).collides(along.reshape(-1, 3)).any()
-            joined += 1
-    assert joined > 15
 
 
 @pytest.mark.slow
@@ -112,20 +76,6 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
             i, j = (int(np.flatnonzero((q == node).all(axis=1))[0]) for node in states[[1, -2]])
             way = costs(states[:2]) + nx.dijkstra_path_length(rest, i, j) + costs(states[-2:])
             assert way - 1e-9 <= costs(states) <= weight * way + 1e-9
-
-
-def test_a_snapshot_is_as_the_roadmap_was() -> None:
-    checker = StateChecker(random_world(1, 20, size=40.0), ROBOTS["disc"], cell=0.2)
-    roadmap, q = Roadmap(checker), free_samples(checker, 400, random_state=1)
-    roadmap.add(q[:200])
-    graph = RoadmapSnapshot(roadmap)
-    before = graph.find_path(q[300], q[301])
-    roadmap.add(q[200:])
-    after = graph.find_path(q[300], q[301])
-    assert len(graph) == 200
-    assert before is not None
-    assert after is not None
-    assert np.array_equal(before, after)
 
 
 def test_an_empty_roadmap_answers_what_needs_no_roadmap() -> None:

@@ -6,18 +6,18 @@ import math
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few
+from tests.helpers.oracles import signed_distances
+from tests.helpers.trials import few
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.search.cost_to_go import CostToGo
-from trailmark.shapes import Disc, Rectangle
+from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
@@ -27,9 +27,6 @@ LEAST, MOST = 70 / 71, 71 / 70
 
 SINGLE = 1e-6
 """Share of a cost by which single precision and sums in another order may differ."""
-
-DIAGONAL = 99 / (70 * math.sqrt(2.0))
-"""How far a diagonal step is off where both of its cells cost 70."""
 
 
 def cell_of(costs: CostToGo, point: complex) -> tuple[int, int]:
@@ -48,20 +45,6 @@ def middle(robot: Robot, q: FloatArray) -> complex:
     return complex(q[0], q[1]) + complex(*robot.inscribed_disc.center) * complex(math.cos(q[2]), math.sin(q[2]))
 
 
-def gaps(world: World, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Distances of points to what is not free, by shapely; 0 within."""
-    points = shapely.points(x, y)
-    xmin, ymin, xmax, ymax = world.bounds
-    best = np.minimum.reduce([x - xmin, xmax - x, y - ymin, ymax - y])
-    for shape in world.obstacles:
-        if isinstance(shape, Disc):
-            gap = np.hypot(x - shape.center[0], y - shape.center[1]) - shape.radius
-        else:
-            gap = shapely.distance(points, shape.polygon().shapely())
-        best = np.minimum(best, gap)
-    return np.asarray(np.maximum(best, 0.0))
-
-
 def spelled_out(costs: CostToGo, dear: FloatArray, source: tuple[int, int]) -> FloatArray:
     """Costs to the source over cells so dear (infinite: closed), by scipy."""
     at = np.arange(dear.size).reshape(dear.shape)
@@ -73,34 +56,6 @@ def spelled_out(costs: CostToGo, dear: FloatArray, source: tuple[int, int]) -> F
     open_ = np.isfinite(weight)
     graph = csr_array((weight[open_], (a[open_], b[open_])), shape=(dear.size, dear.size))
     return np.asarray(dijkstra(graph, directed=False, indices=at[source])).reshape(dear.shape)
-
-
-@pytest.mark.parametrize("bounds", [(0.0, 0.0, 20.0, 20.0), (-30.0, 5.0, 30.0, 12.0), (3.0, -50.0, 4.0, 50.0)])
-@pytest.mark.parametrize("cells", [1, 7, 100, 900])
-def test_in_the_open_costs_are_octile_distances(bounds: tuple[float, float, float, float], cells: int) -> None:
-    xmin, ymin, xmax, ymax = bounds
-    checker = StateChecker(World("open", bounds, ()), Robot.disc(0.02))
-    for share in (0.5, 0.021, 0.93):
-        goal = np.array([xmin + share * (xmax - xmin), ymin + share * (ymax - ymin), 1.0])
-        costs = CostToGo.of(checker, goal, cells, 0.0)
-        rows, columns = costs.cost.shape
-        assert (costs.x0, costs.y0) == (xmin, ymin)
-        assert costs.size == pytest.approx(math.sqrt((xmax - xmin) * (ymax - ymin) / cells))
-        # The grid covers the bounds, and hardly more.
-        assert xmax - 1e-9 <= xmin + columns * costs.size < xmax + costs.size
-        assert ymax - 1e-9 <= ymin + rows * costs.size < ymax + costs.size
-        row, column = cell_of(costs, complex(*goal[:2]))
-        down, across = np.abs(np.arange(rows)[:, None] - row), np.abs(np.arange(columns)[None] - column)
-        octile = np.maximum(down, across) + (math.sqrt(2.0) - 1.0) * np.minimum(down, across)
-        # A last row or column that lies beyond the bounds for the most part may count as closed.
-        reached = np.isfinite(costs.cost)
-        assert reached[: max(1, rows - 1), : max(1, columns - 1)].all()
-        expected = costs.size * octile[reached]
-        assert (costs.cost[reached] >= (1.0 - SINGLE) * expected).all()
-        assert (costs.cost[reached] <= (DIAGONAL + SINGLE) * expected).all()
-        # Straight steps are not off at all.
-        straight = reached & ((down == 0) | (across == 0))
-        assert costs.cost[straight] == pytest.approx(costs.size * octile[straight], rel=SINGLE)
 
 
 @pytest.mark.slow
@@ -125,7 +80,7 @@ def test_costs_are_those_of_the_cheapest_way_over_the_cells(name: str, seed: int
     offsets = (np.arange(points) + 0.5) / points
     x = costs.x0 + costs.size * (np.arange(columns)[:, None] + offsets).reshape(-1)
     y = costs.y0 + costs.size * (np.arange(rows)[:, None] + offsets).reshape(-1)
-    room = gaps(world, *(v.reshape(-1) for v in np.meshgrid(x, y)))
+    room = signed_distances(world, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))[0]
     room = room.reshape(rows, points, columns, points).max(axis=(1, 3))
     # The field is wrong by a diagonal of its cells at most, and looked at every other cell.
     spare = 3.0 * math.sqrt(2.0) * checker.field.size + 0.71 * costs.size / points

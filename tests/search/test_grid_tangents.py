@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
-from tests.support.trials import trials
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.helpers.trials import trials
 
 from trailmark.collision import StateChecker
 from trailmark.planning.pipeline import disc_path
 from trailmark.proofs import LowerBound
 from trailmark.se2 import FloatArray
 from trailmark.search.grid_tangents import GridTangents, TangentSearch
+from trailmark.search.heap import (
+    heap_grow,
+    heap_pop,
+    heap_push,
+)
 from trailmark.world import Robot, World
 
 SPARES = (2e-3, 2e-4, 2e-5)
@@ -62,20 +70,6 @@ def test_bounds_lie_between_shapelys_region_and_its_shortest_path(seed: int) -> 
                 assert bound <= length(path)
 
 
-def test_round_a_wall_the_length_is_that_of_tangents_and_arcs() -> None:
-    occupied = np.zeros((9, 9), np.bool_)
-    occupied[:8, 4] = True
-    tangents = tangents_of(World.from_grid(occupied, 1.0), 0.4)
-    search = ended(tangents.search(np.array([2.0, 2.0]), np.array([7.0, 2.0])))
-    # Up to the circle round (4, 8), a quarter and more round it, along the top, and down again.
-    r = 0.4 - 2e-6
-    tangent = math.sqrt(2.0**2 + 6.0**2 - r * r)
-    turn = math.pi / 2.0 - (math.atan2(2.0, 6.0) - math.asin(r / math.hypot(2.0, 6.0)))
-    expected = 2.0 * (tangent + r * (math.pi / 2.0 - (math.pi / 2.0 - turn))) + 1.0
-    assert search.length == pytest.approx(expected, abs=1e-9)
-    assert search.corners()[:, :2].tolist() == [[5, 9], [6, 9]]
-
-
 def test_a_gap_as_wide_as_the_disc_is_counted_as_open_and_a_narrower_one_is_not() -> None:
     occupied = np.zeros((5, 7), np.bool_)
     occupied[:, 3] = True
@@ -103,10 +97,20 @@ def test_bounds_rise_while_the_search_goes_on_and_a_guide_is_soon_there() -> Non
     assert search.length <= guided.length < 1.05 * search.length
 
 
-def test_only_whole_upright_grids_have_tangents() -> None:
-    world = World.from_grid(np.eye(4, dtype=np.bool_), 1.0)
-    assert GridTangents.of(world, 0.4) is not None
-    assert GridTangents.of(replace(world, bounds=(0.0, 0.0, 3.0, 4.0)), 0.4) is None
-    assert GridTangents.of(replace(world, obstacles=tuple(world.obstacles)), 0.4) is None
-    assert GridTangents.of(World.from_grid(np.eye(4, dtype=np.bool_), 1.0, (0.0, 0.0, 0.1)), 0.4) is None
-    assert GridTangents.of(world, 17.0) is None
+@pytest.mark.slow
+@given(st.lists(st.floats(-1e9, 1e9), max_size=40), st.data())
+def test_entries_come_out_smallest_first(numbers: list[float], data: st.DataObject) -> None:
+    keys, values, size = np.empty(1), np.empty(1, np.int64), 0
+    expected: list[float] = []
+    for value, key in enumerate(numbers):
+        if size == len(keys):
+            keys, values = heap_grow(keys, values)
+        size = heap_push(keys, values, size, key, value)
+        heapq.heappush(expected, key)
+        if data.draw(st.booleans()):
+            size = heap_pop(keys, values, size)
+            assert keys[size] == heapq.heappop(expected) == numbers[values[size]]
+    while size:
+        size = heap_pop(keys, values, size)
+        assert keys[size] == heapq.heappop(expected) == numbers[values[size]]
+    assert expected == []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle
+from tests.helpers.oracles import Oracle
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation
@@ -57,18 +57,3 @@ def test_every_configuration_hangs_on_another_by_a_free_curve(reverse: bool, int
     curves = motions.steering.curves(a, b)
     turned = np.where(curves.sides != 0, np.abs(curves.signed_lengths), 0.0)
     assert (turned.max(axis=1) <= 0.5 * np.pi * 4.0 + 0.4 + 1e-6).all()
-
-
-@pytest.mark.parametrize("into", [False, True], ids=["out of", "into"])
-def test_drives_lead_out_of_a_slot_and_into_it(into: bool) -> None:
-    _, found = grown(True, into, SLOT[None], ROAD)
-    assert (found.configurations[:, 1] > 4.0).any()
-
-
-def test_nothing_is_reached_where_the_car_cannot_move() -> None:
-    stuck, q = World("stuck", (0.0, 0.0, 4.0, 1.8), (), CAR), np.array([2.0, 0.9, 0.0])
-    relaxation = Relaxation(StateChecker(stuck))
-    motion, costs, rng = CurveMotion(relaxation.checker), relaxation.costs_from(q), np.random.default_rng(0)
-    found = hybrid_astar(motion, relaxation, costs, q[None], reverse=False, step=0.4, most=100, landmarks=10, rng=rng)
-    assert found.configurations.shape == (0, 3)
-    assert found.parents.shape == (0,)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from tests.support.forks import Forks
 
 CASES = sorted(path.parent for path in (Path(__file__).parent / "cases").glob("*/question.json"))
 
@@ -20,12 +21,14 @@ for folder in sys.argv[2:]:
 
 
 @pytest.fixture(scope="module")
-def answers(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str | None]:
+def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str | None]:
     """What came of each case. If a process dies of one, another asks the rest."""
     asking = tmp_path_factory.mktemp("cases") / "asking.pickle"
     found: list[str | None] = []
     while left := CASES[len(found) :]:
-        done = forks.run(["-c", PROGRAM, str(asking), *map(str, left)], timeout=300.0)
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM, str(asking), *map(str, left)], capture_output=True, text=True, timeout=300.0
+        )
         found += [json.loads(line) for line in done.stdout.splitlines()]
         if done.returncode != 0:
             found.append(f"the process ended with {done.returncode}: {done.stderr}")

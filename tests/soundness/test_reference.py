@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 
 import numpy as np
@@ -56,12 +55,6 @@ def test_a_clearance_that_is_kept_dilates_the_robot(robot: Robot, kept: float, o
     assert reference.collides(q).tolist() == [reference.certainly(row) for row in q] == (overlap > 1e-7).tolist()
 
 
-def test_bars_that_cross_overlap_though_no_corner_lies_in_the_other() -> None:
-    reference = Reference(World("bar", BLOCK.bounds, (Rectangle((0.0, 0.0), 4.0, 0.2),)), Robot.rectangle(0.2, 4.0))
-    assert reference.depth(np.zeros((1, 3)))[0] == pytest.approx(0.1)
-    assert reference.certainly(np.zeros(3))
-
-
 @pytest.mark.parametrize("robot", [Robot.disc(0.5), Robot.rectangle(1.0, 1.0)])
 def test_bounds_boundary_and_discs_block_too(robot: Robot) -> None:
     ring = Polygon(np.array([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]))
@@ -91,13 +84,6 @@ def test_a_motion_is_searched_for_its_deepest_place() -> None:
     worst, where = deepest(reference, moves(a, b), np.full(2, 10.0))
     assert worst == pytest.approx([0.01, 0.0])
     assert 0.4 <= where[0] <= 0.6
-
-
-def test_half_a_millimetre_of_overlap_at_the_end_of_a_turn_is_found() -> None:
-    reference = Reference(World("dot", BLOCK.bounds, (Disc((0.0, 1.0), 0.1),)), Robot.rectangle(1.801, 0.02))
-    a, b = np.zeros((1, 3)), np.array([[0.0, 0.0, 0.5 * math.pi]])
-    worst, _ = deepest(reference, moves(a, b), np.array([0.46 * math.pi]))
-    assert worst[0] == pytest.approx(5e-4, abs=6e-5)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from benchmarks.soundness.campaign import run_chunk
 from benchmarks.soundness.parts import PARTS
-from tests.support.trials import thorough
+from tests.helpers.trials import thorough
 
 CHUNKS: dict[str, tuple[int, ...]] = {
     "states": (3,),
@@ -47,10 +47,3 @@ def test_nothing_certified_is_wrong(part: str, tmp_path: Path) -> None:
         assert outcome["wrong"] == {}, outcome
         counts += outcome["counts"].get(PARTS[part].counts, 0)
     assert counts > 0
-
-
-@pytest.mark.slow
-def test_the_same_chunk_asks_the_same(tmp_path: Path) -> None:
-    first = run("motions", 5, 1, tmp_path)
-    assert first["counts"]["grazing motions"] > 10
-    assert run("motions", 5, 1, tmp_path) == first

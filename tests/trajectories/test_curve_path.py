@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 import pytest
-import shapely
-from tests.support.trials import trials
+from tests.helpers.trials import trials
 
 from trailmark import se2
 from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
 from trailmark.trajectories import CurvePath
-from trailmark.trajectories.path import Path
 
 KNOTS = np.array([(0.0, 0.0, 0.0), (8.0, 3.0, 1.0), (7.5, 3.5, 2.5), (2.0, 9.0, -3.0)])
 
@@ -42,45 +40,6 @@ def test_rows_follow_the_curves(reverse: bool) -> None:
     assert (0.5 * chords * np.abs(np.tan(0.25 * turn))).max() < 1.01e-3
     assert path.rotation == pytest.approx(np.abs(turn).sum())
     assert path.cost == path.length
-
-
-def test_cusps_are_rows() -> None:
-    path = made()
-    ahead = np.cos(path.states[:-1, 2]) * np.diff(path.states[:, 0]) + np.sin(path.states[:-1, 2]) * np.diff(
-        path.states[:, 1]
-    )
-    assert path.cusps == np.count_nonzero(np.diff(np.sign(ahead)))
-    assert path.cusps >= 1
-    assert made(reverse=False).cusps == 0
-
-
-def test_places_along_the_path() -> None:
-    path = made()
-    share = np.linspace(0.0, 1.0, 4001)
-    states = path.at(share)
-    assert np.array_equal(states[[0, -1]], KNOTS[[0, -1]])
-    assert np.hypot(*np.diff(states[:, :2], axis=0).T).max() <= path.length / 4000 + 1e-9
-    assert path.at(0.5) == pytest.approx(states[2000])
-    assert path.at(-1.0) == pytest.approx(KNOTS[0])
-    assert path.at([[0.0, 1.0]]).shape == (1, 2, 3)
-
-
-def test_paths_are_values() -> None:
-    assert made() == made()
-    assert hash(made()) == hash(made())
-    assert made() != made(reverse=False)
-    assert made() != made(radius=3.0)
-    assert made() != Path(made().states)
-    assert not made().knots.flags.writeable
-    assert not made().states.flags.writeable
-
-
-def test_what_a_program_needs_to_rebuild_the_curves() -> None:
-    record = made(reverse=False).record()
-    places = record.pop("places")
-    assert record == {"kind": "dubins", "turning_radius": 2.0, "knots": KNOTS.tolist()}
-    again = CurvePath(record["knots"], Steering(2.0, reverse=False), places)
-    assert np.array_equal(again.states, made(reverse=False).states)
 
 
 def test_states_at_given_places() -> None:
@@ -140,27 +99,3 @@ def test_arcs_get_more_states_where_their_chords_are_not_free() -> None:
     arcs = gaps < 0.5
     assert 0.2 < (gaps[arcs] ** 2 / (8.0 * 2.0 * 5e-8)).max() <= 1.0
     assert len(finest) < 4 * len(path.polyline(5e-8))
-
-
-def test_a_single_knot_and_equal_knots() -> None:
-    alone = CurvePath(KNOTS[:1], Steering(1.0))
-    assert alone.length == alone.rotation == 0.0
-    assert alone.at(0.7) == pytest.approx(KNOTS[0])
-    twice = CurvePath(KNOTS[[0, 0, 1]], Steering(1.0))
-    assert twice.length == pytest.approx(Steering(1.0).lengths(KNOTS[0], KNOTS[1]))
-    assert math.isfinite(twice.states.sum())
-    with pytest.raises(ConfigurationError, match="path"):
-        CurvePath(np.empty((0, 3)), Steering(1.0))
-
-
-@pytest.mark.slow
-def test_a_polyline_stays_as_near_to_the_curves_as_asked() -> None:
-    path = CurvePath(np.array([[0.0, 0.0, 0.0], [6.0, 3.0, 2.0], [0.0, 1.0, -1.0]]), Steering(1.5))
-    for sagitta in (1e-2, 1e-5):
-        line = path.polyline(sagitta)
-        assert type(line) is Path
-        near = shapely.LineString(line.states[:, :2])
-        dense = shapely.points(path.resample(1e-3).states[:, :2])
-        assert shapely.distance(near, dense).max() < 1.1 * sagitta
-    with pytest.raises(ConfigurationError, match="polyline: sagitta"):
-        path.polyline(0.0)

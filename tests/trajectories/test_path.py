@@ -38,15 +38,6 @@ def test_cost_is_length_plus_half_of_the_rotation(path: Path) -> None:
 
 
 @pytest.mark.slow
-@given(paths)
-def test_the_way_back_costs_the_same(path: Path) -> None:
-    back = path.reversed()
-    assert back.cost == pytest.approx(path.cost, abs=1e-9)
-    assert np.array_equal(back.states[0], path.states[-1])
-    assert back.reversed() == path
-
-
-@pytest.mark.slow
 @given(paths, st.floats(0.0, 1.0))
 def test_a_fraction_of_the_way_is_a_fraction_of_the_cost(path: Path, fraction: float) -> None:
     q = path.at(fraction)
@@ -69,14 +60,6 @@ def test_places_along_a_path() -> None:
     assert path.at(np.empty(0)).shape == (0, 3)
 
 
-def test_a_path_that_stands_still() -> None:
-    for path in (Path(np.array([(1, 2, 3)])), Path(np.array([(1, 2, 3)] * 3))):
-        assert path.length == path.rotation == path.cost == 0.0
-        assert path.at(0.5).tolist() == [1, 2, 3]
-        assert path.at([0.0, 1.0]).shape == (2, 3)
-        assert path.resample(0.1).cost == 0.0
-
-
 @pytest.mark.slow
 @given(paths, st.floats(0.5, 50.0))
 def test_resampling_keeps_the_way_and_the_states(path: Path, step: float) -> None:
@@ -85,11 +68,6 @@ def test_resampling_keeps_the_way_and_the_states(path: Path, step: float) -> Non
     assert {tuple(q) for q in path.states} <= {tuple(q) for q in fine.states}
     for i in range(len(fine) - 1):
         assert Path(fine.states[i : i + 2]).cost <= step * (1 + 1e-9)
-
-
-def test_a_step_that_makes_too_many_states_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match=r"^resample: step: expected 2e-06 m or more"):
-        Path(np.array([(0, 0, 0), (2, 0, 0)])).resample(1e-12)
 
 
 @pytest.mark.parametrize("states", [[], [1, 2, 3], [[1, 2]], [[1, 2, math.nan]], np.empty((0, 3)), "here"])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from tests.helpers.random_worlds import random_world
-from tests.support.trajectories import assert_within_limits
-from tests.support.trials import few, trials
+from tests.helpers.oracles import assert_within_limits
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import random_world
 
 from trailmark import (
     ConfigurationError,
@@ -25,9 +25,7 @@ from trailmark import (
     se2,
 )
 from trailmark.benchmark.referee import Referee
-from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
-from trailmark.trajectories import path_of as driven_path
 from trailmark.world.zones import OneWayZone
 
 BOX = Rectangle((5.0, 5.0), 2.0, 2.0)
@@ -59,27 +57,6 @@ def assert_correct(path: SmoothPath, world: World, robot: Robot, like: Path) -> 
     assert path.rotation == pytest.approx(Path(dense).rotation, rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
-def test_a_corner_with_room_is_cut(robot: Robot) -> None:
-    path = path_of((1.0, 1.0, 0.0), (8.0, 1.0, 0.0), (8.0, 8.0, 1.5)).smooth(WORLD, robot)
-    assert_correct(path, WORLD, robot, path_of((1.0, 1.0, 0.0), (8.0, 8.0, 1.5)))
-    assert len(path.stops) == 0
-    assert path.length < 14.0
-    assert path.timed(1.0, 1.0, 1.0, 1.0).duration < 14.0 + 1.0
-
-
-def test_around_an_obstacle_that_the_corner_touches_the_path_swings_outwards() -> None:
-    # At the corner the robot's touches that of the box.
-    path = path_of((1.0, 3.5, 0.0), (6.3, 3.8, 0.0), (6.5, 9.0, 0.0))
-    checker = StateChecker(WORLD, ROBOT)
-    assert checker.clearance(path.states[1]) < 1e-6
-    assert checker.motions_valid(path.states[:-1], path.states[1:]).all()
-    smooth = path.smooth(checker)
-    assert len(smooth.stops) == 0
-    assert_correct(smooth, WORLD, ROBOT, path)
-    assert smooth.max_curvature < 5.0
-
-
 @pytest.mark.parametrize("robot", [Robot.rectangle(0.4, 0.4), Robot.disc(0.2)], ids=["square", "disc"])
 def test_a_clearance_is_kept_where_corners_are_cut(robot: Robot) -> None:
     walls = Polygon(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [3.8, 5.0], [3.8, 1.2], [0.0, 1.2]]))
@@ -93,44 +70,12 @@ def test_a_clearance_is_kept_where_corners_are_cut(robot: Robot) -> None:
     assert checker.motions_valid(smooth.states[:-1], smooth.states[1:]).all()
 
 
-@pytest.mark.slow
-def test_where_there_is_no_room_the_corner_is_a_stop() -> None:
-    # Two corridors a little wider than the robot, and a quarter of a turn between them.
-    walls = Polygon(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [4.0, 5.0], [4.0, 1.0], [0.0, 1.0]]))
-    world = World(name="corridor", bounds=(0.0, 0.0, 5.0, 5.0), boundary=walls)
-    robot = Robot.rectangle(1.0 - 1e-3, 1.0 - 1e-3)
-    path = path_of((1.0, 0.5, 0.0), (4.5, 0.5, 0.0), (4.5, 4.0, 0.0))
-    smooth = path.smooth(world, robot)
-    np.testing.assert_allclose(smooth.stops, [[4.5, 0.5, 0.0]], atol=1e-12)
-    np.testing.assert_array_equal(smooth.states, path.states)
-    assert smooth.timed(1.0, 1.0, 1.0).duration == pytest.approx(path.timed(1.0, 1.0, 1.0).duration)
-
-
-def test_a_corridor_hardly_wider_than_the_robot_is_not_left() -> None:
-    world = World(name="corridor", bounds=(0.0, 0.0, 9.0, 0.402))
-    y = 0.201
-    path = path_of((1.0, y, 0.0), (3.0, y, 0.0), (5.0, y, math.pi), (7.0, y, math.pi))
-    with pytest.raises(ConfigurationError, match=r"certified free of collision; motion 1 is not"):
-        path.smooth(world, ROBOT)
-    straight = path_of((1.0, y, 0.0), (3.0, y, 0.0), (8.0, y, 0.0)).smooth(world, ROBOT)
-    assert_correct(straight, world, ROBOT, path_of((1.0, y, 0.0), (8.0, y, 0.0)))
-    assert len(straight.stops) == 0
-
-
 @pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
 def test_a_reversal_and_turns_in_place_are_stops(robot: Robot) -> None:
     smooth = path_of((0, 0, 0), (5, 0, 0), (1, 0, 0)).smooth(OPEN, robot)
     np.testing.assert_array_equal(smooth.stops, [[5.0, 0.0, 0.0]])
     smooth = path_of((0, 0, 0), (5, 0, 0), (5, 0, 1), (5, 5, 1)).smooth(OPEN, robot)
     np.testing.assert_allclose(smooth.stops, [[5.0, 0.0, 0.0], [5.0, 0.0, 1.0]], atol=1e-12)
-
-
-def test_segments_of_micrometres_are_smoothed_too() -> None:
-    states = np.cumsum(np.random.default_rng(5).normal(scale=1e-6, size=(30, 3)), axis=0)
-    smooth = Path(states).smooth(OPEN, ROBOT)
-    assert_correct(smooth, OPEN, ROBOT, Path(states))
-    # Directions of so short motions are rounded.
-    assert_within_limits(smooth.timed(1.0, 1.0, 1.0, 1.0), jump=1e-6)
 
 
 def assert_driven_free(path: SmoothPath, world: World, robot: Robot, step: float = 0.01) -> None:
@@ -151,25 +96,6 @@ def assert_driven_free(path: SmoothPath, world: World, robot: Robot, step: float
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reverse", [True, False])
-def test_a_differential_drive_rounds_corners_along_its_heading(reverse: bool) -> None:
-    robot = ROBOT.differential(reverse=reverse)
-    checker = StateChecker(WORLD, robot)
-    # Two corners close together, one that the robot touches, and one with room.
-    knots = np.array([[1.0, 1.0, 1.0], [3.5, 3.4, 0.5], [3.6, 3.45, 0.0], [6.5, 3.55, 0.0], [6.6, 9.0, 2.0]])
-    path = driven_path(motion_of(checker), knots)
-    smooth = path.smooth(checker)
-    assert_correct(smooth, WORLD, robot, path)
-    assert_driven_free(smooth, WORLD, robot)
-    # It turns in place where it starts and where it ends.
-    np.testing.assert_allclose(smooth.stops[:, :2], [[1.0, 1.0], [6.6, 9.0]])
-    assert smooth.cost == pytest.approx(smooth.length + 0.5 * smooth.rotation)
-    trajectory = smooth.timed(1.0, 0.5, 1.0, 1.0)
-    assert_within_limits(trajectory)
-    assert trajectory.duration < 0.75 * path.timed(1.0, 0.5, 1.0, 1.0).duration
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", trials(12, of=3))
 def test_differential_drives_among_random_obstacles_keep_off_them(seed: int) -> None:
     outline = [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.0), (0.0, 0.0), (0.0, 0.3), (-0.4, 0.3)]
@@ -184,20 +110,6 @@ def test_differential_drives_among_random_obstacles_keep_off_them(seed: int) -> 
     smooth = path.smooth(checker)
     assert_correct(smooth, world, robot, path)
     assert_driven_free(smooth, world, robot)
-
-
-def test_directions_of_one_way_zones_are_kept() -> None:
-    path = path_of((0.0, 0.0, 0.0), (6.5, 0.0, 0.0), (6.5, 9.0, 0.0))
-    around = Polygon(np.array([[5.0, -1.0], [8.0, -1.0], [8.0, 2.0], [5.0, 2.0]]))
-    for heading, tolerance in ((0.0, 1.6), (math.pi / 4.0, 0.8)):
-        world = World(name="one-way", bounds=OPEN.bounds, zones=(OneWayZone(around, heading, tolerance),))
-        assert path.smooth(world, ROBOT) == path.smooth(OPEN, ROBOT)
-    # Inside of the corner, where the path does not go, and the other way: the corner is not cut so far.
-    inside = Polygon(np.array([[3.0, 0.2], [6.3, 0.2], [6.3, 4.0], [3.0, 4.0]]))
-    world = World(name="one-way", bounds=OPEN.bounds, zones=(OneWayZone(inside, math.pi, 1.0),))
-    smooth = path.smooth(world, ROBOT)
-    assert len(smooth.stops) == 0
-    assert not shapely.contains_xy(inside.shapely(), smooth.resample(0.01).states[:, :2]).any()
 
 
 @pytest.mark.slow
@@ -238,21 +150,6 @@ def test_what_cannot_be_smoothed_is_refused() -> None:
         AROUND.smooth(WORLD, ROBOT).smooth(WORLD, ROBOT)
     with pytest.raises(ConfigurationError, match="expected a car's path, got one of straight motions"):
         AROUND.smooth(WORLD, ROBOT.steered(1.0))
-
-
-def test_a_smooth_path_is_a_path_whose_curvature_may_be_bounded() -> None:
-    smooth = AROUND.smooth(WORLD, ROBOT, max_curvature=2.0)
-    assert smooth.max_curvature <= 2.0
-    assert len(smooth.stops) == 0
-    assert len(AROUND.smooth(WORLD, ROBOT, max_curvature=1e-3).stops) == 1
-    back = smooth.reversed()
-    assert back.length == pytest.approx(smooth.length)
-    np.testing.assert_allclose(back.at(0.3), smooth.at(0.7), atol=1e-2)
-    assert smooth == AROUND.smooth(WORLD, ROBOT, max_curvature=2.0)
-    assert smooth != AROUND
-    assert se2.distance(smooth.resample(0.05).states[:-1], smooth.resample(0.05).states[1:]).max() <= 0.05
-    stay = path_of((1, 1, 1)).smooth(OPEN, ROBOT)
-    assert (stay.length, stay.stops.shape) == (0.0, (0, 3))
 
 
 def test_directions_of_what_is_driven_are_allowed_by_one_way_zones() -> None:

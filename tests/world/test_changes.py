@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import gc
+import math
 import pickle
 import random
 import weakref
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.trials import trials
+import shapely
+from tests.helpers.trials import trials
 
-from trailmark.errors import WorldError
-from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.errors import ShapeError, TrailmarkError, WorldError
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import World
 from trailmark.world.changes import Change, Changes
-from trailmark.world.estimates import ObstacleEstimate
-from trailmark.world.moving import Moving
+from trailmark.world.moving import DISC_ERROR, Moving
 
 A, B, C, D = (Disc((float(x), 1.0), 0.4) for x in range(1, 5))
 BOUNDS = (0.0, 0.0, 20.0, 20.0)
@@ -37,44 +37,6 @@ def contents(world: World) -> list[Any]:
     return sorted(map(repr, zip(world.obstacles, *columns, strict=True)))
 
 
-def test_the_difference_says_what_came_went_and_moved() -> None:
-    other = World("x", BOUNDS, (B, Disc((3.5, 1.0), 0.4), Rectangle((9, 9), 1, 1)), ids=(None, "c", "new"))
-    changes = WORLD.difference(other)
-    found = {(item.id, item.index_before, item.index_after): (item.before, item.after) for item in changes.items}
-    assert found == {
-        ("c", 2, 1): (C, other.obstacles[1]),
-        ("a", 0, None): (A, None),
-        (None, 3, None): (D, None),
-        ("new", None, 2): (None, other.obstacles[2]),
-    }
-    assert repr(changes) == "Changes(~c, -a, -3, +new)"
-
-
-def test_equal_worlds_differ_in_nothing() -> None:
-    for other in (WORLD, rebuilt(WORLD), replace(WORLD, name="other")):
-        assert not WORLD.difference(other)
-        assert WORLD.apply(WORLD.difference(other)) == WORLD
-    assert repr(Changes()) == "Changes(none)"
-
-
-def test_obstacles_without_ids_are_matched_one_to_one() -> None:
-    world = World("w", BOUNDS, (A, A, B, rebuilt(WORLD).obstacles[0]))
-    other = World("w", BOUNDS, (B, A, A))
-    (item,) = world.difference(other).items
-    assert (item.before, item.after) == (A, None)
-    assert contents(world.apply(world.difference(other))) == contents(other)
-    assert not World("w", BOUNDS, (A, B, C)).difference(World("w", BOUNDS, (C, A, B)))
-
-
-def test_what_is_said_of_an_obstacle_is_a_change_too() -> None:
-    estimate, motion = ObstacleEstimate(A, 0.01 * np.eye(2)), Moving(Rectangle((5, 5), 1, 1), (1, 0), 1.0)
-    world = World("w", BOUNDS, (A, B, motion.swept))
-    other = World("w", BOUNDS, (A, B, motion.swept), estimates=(estimate, None, None), moving=(None, None, motion))
-    assert [(item.index_before, item.index_after) for item in world.difference(other).items] == [(0, 0), (2, 2)]
-    assert world.apply(world.difference(other)) == other
-    assert other.apply(other.difference(world)) == world
-
-
 @pytest.mark.slow
 def test_the_changes_of_an_edit_are_remembered_and_no_world_is_kept_alive() -> None:
     world = rebuilt(WORLD)
@@ -88,16 +50,6 @@ def test_the_changes_of_an_edit_are_remembered_and_no_world_is_kept_alive() -> N
     assert gone() is None
     assert len(WORLD.difference(edited).items) == 2
     assert pickle.loads(pickle.dumps(edited)) == edited  # noqa: S301 # its own pickle
-
-
-def test_differences_of_other_bounds_are_refused() -> None:
-    with pytest.raises(WorldError, match="difference: bounds: expected the same in both worlds"):
-        WORLD.difference(replace(WORLD, bounds=(0, 0, 21, 20)))
-    walled = replace(WORLD, boundary=Polygon(np.array([[0, 0], [20, 0], [20, 20.0]])))
-    with pytest.raises(WorldError, match="difference: boundary: expected the same in both worlds"):
-        WORLD.difference(walled)
-    with pytest.raises(WorldError, match="difference: expected World, got 3"):
-        WORLD.difference(3)  # type: ignore[arg-type]  # misuse
 
 
 @pytest.mark.parametrize(
@@ -153,3 +105,116 @@ def test_random_edits_agree_with_lists() -> None:
             first = edited
         world = edited
     assert len(rows) > 50
+
+
+def test_obstacles_come_go_and_move() -> None:
+    new, box = Disc((9, 9), 1), Rectangle((5, 5), 2, 1)
+    world = WORLD.edited(add={"new": new}, remove=["a"], move={3: (1, 2)}, replace={"c": box})
+    assert world.obstacles == (B, box, Disc((5, 3), 0.4), new)
+    assert world.ids == (None, "c", None, "new")
+    assert WORLD.obstacles == (A, B, C, D)
+    assert world.obstacles[0] is B
+    plain = WORLD.edited(add=[new])
+    assert plain.obstacles == (A, B, C, D, new)
+    assert plain.ids == ("a", None, "c", None, None)
+    assert WORLD.edited(remove=[0, "c", 3]) == World("w", BOUNDS, (B,))
+
+
+def test_turns_are_about_the_obstacles_own_centre() -> None:
+    triangle = Polygon(np.array([[0, 0], [3, 0], [0, 3.0]]))
+    world = World("w", BOUNDS, (Rectangle((5, 5), 2, 1, 0.1), triangle, Disc((9, 9), 1)))
+    turned = world.edited(move=dict.fromkeys(range(3), (1.0, 0.0, math.pi / 2))).obstacles
+    assert turned[0] == Rectangle((6, 5), 2, 1, 0.1 + math.pi / 2)
+    assert turned[2] == Disc((10, 9), 1)
+    np.testing.assert_allclose(turned[1].polygon().vertices, [[3, 0], [3, 3], [0, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        ({"remove": ["b"]}, r"edited: remove: expected a, c, got 'b'"),
+        ({"remove": [4]}, "edited: remove: expected an id or an index from 0 to 3, got 4"),
+        ({"remove": "a"}, "edited: remove: expected a sequence, got 'a'"),
+        ({"remove": ["a"], "move": {"a": (1, 1)}}, "in one edit, got 'a' in remove and move"),
+        ({"move": {"a": (1, math.nan)}}, r"expected two or three finite numbers"),
+        ({"replace": {"a": "disc"}}, r"edited: replace\['a'\]: expected Disc or .*, got 'disc'"),
+        ({"add": {"": A}}, "edited: add: expected ids that are texts, not empty, not bounds or boundary, got ''"),
+        ({"add": {"a": A}}, "expected each id once, got 'a' more than once"),
+    ],
+)
+def test_bad_edits_are_refused_in_one_line_and_change_nothing(edit: Any, message: str) -> None:
+    before = World("w", BOUNDS, (A, B, C, D), ids=("a", None, "c", None))
+    with pytest.raises(WorldError, match=message) as caught:
+        WORLD.edited(**edit)
+    assert "\n" not in str(caught.value)
+    assert before == WORLD
+
+
+L_SHAPE = Polygon(np.array([[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3.0]]))
+
+
+FRAME = Polygon(np.array([[0, 0], [4, 0], [4, 4], [0, 4.0]]), (np.array([[1, 1], [3, 1], [3, 3], [1, 3.0]]),))
+
+
+def covered(motion: Moving, steps: int = 150) -> shapely.Geometry:
+    """Return the union of the obstacle's places at many moments, discs drawn from within."""
+    places = []
+    for time in np.linspace(0.0, motion.until, steps):
+        shape = motion.at(time)
+        if isinstance(shape, Disc):
+            places.append(shapely.Point(shape.center).buffer(shape.radius, quad_segs=64))
+        else:
+            places.append(shape.polygon().shapely())
+    return shapely.union_all(places)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("velocity", [(1.0, 0.0), (-0.3, 0.8), (0.0, -2.0)])
+@pytest.mark.parametrize("shape", [Rectangle((1, 2), 3, 1, 0.4), L_SHAPE, FRAME])
+def test_the_region_swept_is_exact_for_polygons(shape: Shape, velocity: tuple[float, float]) -> None:
+    motion = Moving(shape, velocity, 2.0)
+    swept, true = motion.swept.polygon().shapely(), covered(motion)
+    assert swept.buffer(1e-9).covers(true)
+    # What stands between two moments of the sample is a sliver along edges that lie askew to the motion.
+    step = math.hypot(*velocity) * 2.0 / 149
+    assert swept.area - true.area < 0.6 * step * true.length
+    assert true.buffer(step).covers(swept)
+
+
+def test_a_disc_sweeps_a_capsule_at_most_one_per_cent_larger() -> None:
+    motion = Moving(Disc((1.0, -2.0), 0.5), (3.0, 1.0), 2.0)
+    swept = motion.swept.polygon().shapely()
+    line = shapely.LineString([(1.0, -2.0), (7.0, 0.0)])
+    assert swept.exterior.distance(line) >= 0.5 * (1 - 1e-12)
+    assert swept.contains(line)
+    assert max(line.distance(shapely.Point(p)) for p in swept.exterior.coords) <= 0.5 * (1 + DISC_ERROR) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("shape", "velocity", "until", "error", "message"),
+    [
+        ("disc", (1, 0), 1.0, WorldError, "moving: shape: expected Disc or Rectangle or Polygon"),
+        (Disc((0, 0), 1), (1, 0, 0), 1.0, WorldError, "velocity: expected two finite numbers vx, vy"),
+        (Disc((0, 0), 1), (1, 0), 0.0, WorldError, "until: expected a finite number above 0, got 0.0 s"),
+        (Disc((0, 0), 1), (1e9, 0), 1.0, ShapeError, "moving: the region swept"),
+    ],
+)
+def test_bad_motions_are_refused_in_one_line(
+    shape: Any, velocity: Any, until: Any, error: type[TrailmarkError], message: str
+) -> None:
+    with pytest.raises(error, match=message) as caught:
+        Moving(shape, velocity, until)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_world_holds_the_region_that_moving_obstacles_sweep() -> None:
+    motion = Moving(Rectangle((2, 2), 1, 1), (1.0, 0.0), 3.0)
+    world = World("w", (0, 0, 9, 9), (Disc((7, 7), 1), motion))  # type: ignore[arg-type]  # what World takes apart
+    assert world.obstacles[1] is motion.swept
+    assert world.moving == (None, motion)
+    renamed = world.with_robot(world.robot)  # type: ignore[arg-type]  # none is fine for replace
+    assert renamed == world
+    with pytest.raises(WorldError, match=r"moving\[1\]: expected the region that it sweeps in its place"):
+        World("w", (0, 0, 9, 9), (Disc((7, 7), 1), Disc((1, 1), 1)), moving=(None, motion))
+    with pytest.raises(WorldError, match="moving: expected one for each of 1 obstacles, or none, got 2"):
+        World("w", (0, 0, 9, 9), (motion.swept,), moving=(None, motion))

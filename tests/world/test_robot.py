@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
-from tests.helpers.random_worlds import ROBOTS, star_polygon
+from tests.helpers.worlds import ROBOTS
 
 from trailmark.errors import ShapeError
 from trailmark.shapes import Disc, Polygon, Rectangle
@@ -34,25 +32,6 @@ def test_radii_bound_the_footprint(name: str) -> None:
     center = shapely.Point(inscribed.center)
     assert region.contains(center)
     assert inscribed.radius <= region.exterior.distance(center) * (1 + 1e-12)
-
-
-@pytest.mark.slow
-@given(st.integers(0, 2**32 - 1))
-def test_the_inscribed_disc_is_inside_and_nearly_the_largest(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = Robot(star_polygon(rng, (float(rng.uniform(-3, 3)), 0.0), 1.0))
-    region = robot.outline.shapely()
-    disc = robot.inscribed_disc
-    assert region.contains(shapely.Point(disc.center))
-    assert disc.radius <= region.exterior.distance(shapely.Point(disc.center)) * (1 + 1e-12)
-    # No point of the region is farther from its outline, searched everywhere and around the best one found.
-    low, high = np.array(region.bounds[:2]), np.array(region.bounds[2:])
-    for _ in range(6):
-        points = shapely.points(rng.uniform(low, high, (400, 2)))
-        depths = np.where(shapely.contains(region, points), shapely.distance(region.exterior, points), 0.0)
-        assert depths.max() <= disc.radius * (1 + 1e-5)
-        best, half = shapely.get_coordinates(points[depths.argmax()])[0], (high - low) / 8
-        low, high = best - half, best + half
 
 
 @pytest.mark.parametrize(
@@ -98,18 +77,6 @@ def test_a_footprint_stands_on_its_reference_point() -> None:
 # --- Query
 
 
-def test_a_robot_moves_in_every_direction_unless_it_has_a_turning_radius() -> None:
-    for robot in (Robot.disc(0.3), Robot.rectangle(2, 1), Robot.parse("rectangle:2x1")):
-        assert robot.turning_radius is None
-        assert robot.reverse
-    car = Robot.rectangle(2, 1).steered(5, reverse=False)
-    assert car == Robot(Robot.rectangle(2, 1).footprint, turning_radius=5.0, reverse=False)
-    assert isinstance(car.turning_radius, float)
-    assert car.steered(None) == Robot.rectangle(2, 1)
-    assert len({car, car.steered(5.0, reverse=False), car.steered(5.0), car.steered(6.0), car.steered(None)}) == 4
-    assert car.circumradius == Robot.rectangle(2, 1).circumradius
-
-
 @pytest.mark.parametrize(
     "radius", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * TURNING_LIMIT, True, "5", [5.0]], ids=repr
 )
@@ -119,10 +86,3 @@ def test_a_radius_that_is_none(radius: Any) -> None:
     ) as raised:
         Robot.rectangle(2, 1).steered(radius)
     assert "\n" not in str(raised.value)
-
-
-def test_only_a_car_can_drive_forwards_only() -> None:
-    with pytest.raises(ShapeError, match="reverse False, got none"):
-        Robot.disc(1).steered(None, reverse=False)
-    with pytest.raises(ShapeError, match="expected True or False, got 0"):
-        Robot.disc(1).steered(3.0, reverse=0)  # type: ignore[arg-type]  # that is what is tested

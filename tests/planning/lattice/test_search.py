@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,8 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.helpers.random_worlds import ROBOTS, random_world
-from tests.support.trials import few, trials
+from tests.helpers.oracles import judge
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.search.cost_to_go import CostToGo
@@ -24,7 +24,6 @@ from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
-Judge = Callable[..., float]
 
 STRAIGHT = CostToGo.straight()
 PLENTY = 1_000_000
@@ -52,11 +51,10 @@ def middles(robot: Robot, q: FloatArray) -> NDArray[np.complex128]:
 
 
 class Chart(NamedTuple):
-    """A lattice spelled out: its certified motions, and whether any motion between valid nodes was refused."""
+    """A lattice spelled out: its certified motions."""
 
     graph: networkx.Graph
     states: dict[tuple[int, int, int], FloatArray]
-    whole: bool
 
 
 def chart(checker: StateChecker, start: FloatArray, size: float, headings: int) -> Chart:
@@ -85,7 +83,7 @@ def chart(checker: StateChecker, start: FloatArray, size: float, headings: int) 
         if ok:
             length = math.pi / headings if a[2] != b[2] else size * math.dist(a[:2], b[:2])
             graph.add_edge(a, b, weight=length)
-    return Chart(graph, states, bool(free.all()))
+    return Chart(graph, states)
 
 
 def cheapest(
@@ -132,15 +130,7 @@ def cells_crossed(robot: Robot, way: FloatArray, size: float, headings: int) -> 
     retracts=st.booleans(),
 )
 def test_ways_are_certified_repeatable_and_end_where_they_should(
-    judge: Judge,
-    name: str,
-    world: int,
-    seed: int,
-    headings: int,
-    size: float,
-    weight: float,
-    multi_steps: bool,
-    retracts: bool,
+    name: str, world: int, seed: int, headings: int, size: float, weight: float, multi_steps: bool, retracts: bool
 ) -> None:
     judged = checker(name, world)
     ends = valid_states(judged, 2, np.random.default_rng(seed))
@@ -158,73 +148,33 @@ def test_ways_are_certified_repeatable_and_end_where_they_should(
         assert np.array_equal(way, again[0])
         assert np.array_equal(ends, before)
         if len(way):
-            judge(judged.world, judged.robot, *ends, way)
+            judge(judged.world, judged.robot, ends[0], ends[1], way)
             assert judged.motions_valid(way[:-1], way[1:]).all()
             if not retracts:
                 spans = cells_crossed(judged.robot, way, size, lattice.headings)
                 assert spans <= ({0, 1, 2, 4, 8} if multi_steps else {0, 1})
 
 
-def cheap_ways(cases: Iterator[tuple[StateChecker, FloatArray]], size: float, headings: int) -> tuple[int, int]:
-    """Compare ways with a lattice spelled out; return how many were found, and for how many the cost is exact."""
-    found = exact = 0
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["disc", "L", "offset"])
+def test_with_weight_1_ways_are_as_cheap_as_the_lattice_has_them(name: str) -> None:
+    size, headings = (0.5, 1) if name == "disc" else (1.0, 8)
     near = (1.5 * size, 3.0 * math.pi / headings if headings > 1 else math.inf)
-    for judged, (start, goal) in cases:
+    found = 0
+    # From the last down: in those worlds greedy searches lead to dearer ways.
+    for seed in (7 - trial for trial in trials(4, of=2)):
+        judged = checker(name, seed)
+        start, goal = valid_states(judged, 2, np.random.default_rng(seed + 3))
         spelled = chart(judged, start, size, headings)
         best = cheapest(judged, spelled, goal, near)
         way, _ = Lattice(judged, size, headings).find_path(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
         # Whoever is near the goal tries to join it, and now and then others do.
         assert len(way) > 0 or not np.isfinite(best)
-        if len(way) == 0:
-            continue
-        found += 1
-        raw = lattice_cost(judged.robot, way)
-        assert raw >= cheapest(judged, spelled, goal) - 1e-4
-        # A node whose motion fails takes the next one at hand, which need not be the cheapest.
-        assert raw <= best * (1.0 if spelled.whole else 1.05) + 1e-4
-        if spelled.whole and np.isfinite(best):
-            last = next(
-                key for key, q in spelled.states.items() if math.dist(q[:2], way[-2][:2]) + turn(q, way[-2]) < 1e-6
-            )
-            least = networkx.dijkstra_path_length(spelled.graph, (0, 0, 0), last)
-            joined = abs(np.diff(middles(judged.robot, way[-2:]))[0])
-            assert raw - joined == pytest.approx(least, abs=1e-4)
-            exact += len(way) > 2
-    return found, exact
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "L", "offset"])
-def test_with_weight_1_ways_are_as_cheap_as_the_lattice_has_them(name: str) -> None:
-    # From the last down: in those worlds greedy searches lead to dearer ways.
-    seeds = [7 - trial for trial in trials(4, of=2)]
-    cases = ((checker(name, k), valid_states(checker(name, k), 2, np.random.default_rng(k + 3))) for k in seeds)
-    assert cheap_ways(cases, *((0.5, 1) if name == "disc" else (1.0, 8)))[0] >= 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("headings", [1, 24])
-def test_where_no_motion_between_valid_nodes_fails_the_cost_is_exact(headings: int) -> None:
-    # A disc's steps are far shorter than anything round about; what turns meets the bounds alone.
-    robot, size = (Robot.disc(0.5), 0.4) if headings == 1 else (Robot.rectangle(0.9, 0.7), 1.0)
-
-    def cases() -> Iterator[tuple[StateChecker, FloatArray]]:
-        for seed in range(12) if headings == 1 else trials(7):
-            rng = np.random.default_rng(seed)
-            places = rng.uniform(2, 10, (3 if headings == 1 else 0, 2))
-            walls = tuple(Rectangle((float(x), float(y)), *rng.uniform(1.0, 4.0, 2)) for x, y in places)
-            judged = StateChecker(World("walls", (0, 0, 12, 12), walls), robot)
-            yield judged, valid_states(judged, 2, rng)
-
-    assert cheap_ways(cases(), size, headings)[1] >= 3
-
-
-def test_start_and_goal_may_be_one() -> None:
-    judged = checker("L", 0)
-    q = valid_states(judged, 1, np.random.default_rng(0))[0]
-    way, taken = Lattice(judged, 1.0, 16).find_path(q, q, STRAIGHT, weight=2.0, budget=10)
-    assert np.array_equal(way, [q, q])
-    assert taken == 1
+        if len(way):
+            found += 1
+            # A node whose motion fails takes the next one at hand, which need not be the cheapest.
+            assert cheapest(judged, spelled, goal) - 1e-4 <= lattice_cost(judged.robot, way) <= 1.05 * best + 1e-4
+    assert found >= 2
 
 
 @pytest.mark.slow

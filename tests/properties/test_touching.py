@@ -1,7 +1,4 @@
-"""States and motions that just collide, or are just free, and what is true of them.
-
-What is true is told by shapely (:class:`tests.helpers.oracle.Oracle`), not by the code under test.
-"""
+"""States and motions that just collide, or are just free: shapely tells what is true of them."""
 
 from __future__ import annotations
 
@@ -10,13 +7,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from tests.helpers.oracle import Oracle, motion_states
+import pytest
+from tests.helpers.oracles import Oracle, motion_states
 
+from trailmark.collision import StateChecker, kernels
+from trailmark.curves import Steering
 from trailmark.formats.grid import CellObstacles
+from trailmark.motion import CurveMotion
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.verify import PathAuditor
 from trailmark.world import Robot, World
-
-__all__ = ["Case", "cases"]
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -64,18 +64,9 @@ class Case:
     radius: float = 0.7
 
 
-class _Oracle(Oracle):
-    """The oracle of a robot that keeps a clearance: its footprint is dilated by it."""
-
-    def __init__(self, world: World, robot: Robot) -> None:
-        super().__init__(world, robot.keeping(0.0), BAND)
-        self.kept = robot.clearance
-
-    def clearance(self, q: FloatArray) -> FloatArray:
-        return np.maximum(0.0, super().clearance(q) - self.kept)
-
-    def collides(self, q: FloatArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        return super().collides(q) | (super().clearance(q) < self.kept - self.band)
+def _room(oracle: Oracle, q: FloatArray) -> FloatArray:
+    """Return the distances to what blocks, beyond the clearance that the robot keeps."""
+    return np.maximum(0.0, oracle.clearance(q) - oracle.kept)
 
 
 def _polygon(outline: list[list[float]], *holes: list[list[float]]) -> Polygon:
@@ -162,14 +153,10 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
     ]
 
 
-def cases(seed: int, size: int, scenes: int | None = None) -> list[Case]:
-    """Return the cases, or those of the first ``scenes`` alone.
-
-    There are ``size`` colliding motions in each, and other numbers in proportion.
-    """
+def cases(seed: int, size: int) -> list[Case]:
+    """Return the cases, with ``size`` colliding motions in each, and other numbers in proportion."""
     rng = np.random.default_rng(seed)
-    found = [_case(*scene, rng, size) for scene in _scenes()[:scenes]]
-    return found if scenes is not None else [*found, *_corners(rng, size)]
+    return [*(_case(*scene, rng, size) for scene in _scenes()), *_corners(rng, size)]
 
 
 def _corners(rng: np.random.Generator, size: int) -> list[Case]:
@@ -229,37 +216,7 @@ def _corners(rng: np.random.Generator, size: int) -> list[Case]:
         size=1e-3,
         aside=2e-2,
     )
-    return [near, long, small, beside_it, _teeth(rng, size)]
-
-
-def _teeth(rng: np.random.Generator, size: int) -> Case:
-    """Return long motions close along a wall, which ask for more distances than half of the queue holds.
-
-    Some of the wall's teeth reach into the way.
-    """
-    wall = Rectangle((20.0, 1.0), 40.0, 1.0)
-    teeth = tuple(Rectangle((x, 1.5), 2e-3, 0.03) for x in (7.03, 19.11, 33.7))
-    world = World("w", (0.0, 0.0, 40.0, 5.0), (wall, *teeth))
-    robot = Robot.rectangle(0.6, 0.4)
-    n = max(3, size // 4)
-    begin, end = np.array([[0.5, 0.0, 0.0]]), np.array([[39.5, 0.0, 0.0]])
-    # Tips of the teeth lie 15 mm above the wall's face.
-    heights = np.concatenate([rng.uniform(0.004, 0.0149, n), rng.uniform(0.0151, 0.03, n)])
-    y = 1.7 + heights[:, None] * np.array([[0.0, 1.0, 0.0]])[:, 1:2]
-    a = np.column_stack([np.full(2 * n, begin[0, 0]), y[:, 0], np.zeros(2 * n)])
-    b = np.column_stack([np.full(2 * n, end[0, 0]), y[:, 0], np.zeros(2 * n)])
-    motions = np.stack([a, b], axis=1)
-    return Case(
-        "teeth",
-        world,
-        robot,
-        0.5,
-        np.array([[7.03, 1.705, 0.0]]),
-        np.array([[12.0, 1.7 + 1e-3, 0.0]]),
-        np.array([1e-3]),
-        motions[:n],
-        motions[n:],
-    )
+    return [near, long, small, beside_it]
 
 
 def _corner_case(
@@ -302,10 +259,10 @@ def _corner_case(
 
 
 def _case(name: str, world: World, robot: Robot, cell: float, rng: np.random.Generator, size: int) -> Case:
-    oracle = _Oracle(world, robot)
+    oracle = Oracle(world, robot, BAND)
     low, high = np.array([*world.bounds[:2], -math.pi]), np.array([*world.bounds[2:], math.pi])
     q = rng.uniform(low, high, (400 * size, 3))
-    collides, clearance = oracle.collides(q), oracle.clearance(q)
+    collides, clearance = oracle.collides(q), _room(oracle, q)
     outside, inside = q[~collides & (clearance > 2e-6)], q[collides]
     beyond = rng.uniform(np.subtract(low, (3, 3, 0)), np.add(high, (3, 3, 0)), (8 * size, 3))
     hit = [inside[: 3 * size], beyond[oracle.collides(beyond)]]
@@ -314,7 +271,7 @@ def _case(name: str, world: World, robot: Robot, cell: float, rng: np.random.Gen
         x, y = (v.ravel() for v in np.meshgrid(np.arange(-1.0, 7.25, 0.25), np.arange(-1.0, 6.25, 0.25)))
         even = np.column_stack([x, y, np.zeros(len(x))])
         hit.append(even[oracle.collides(even)])
-        outside = np.concatenate([even[~oracle.collides(even) & (oracle.clearance(even) > 2e-6)], outside])
+        outside = np.concatenate([even[~oracle.collides(even) & (_room(oracle, even) > 2e-6)], outside])
     # The last free and the first colliding state on the way from one to the other.
     pairs = 6 * size
     a, b = outside[rng.integers(0, len(outside), pairs)], inside[rng.integers(0, len(inside), pairs)]
@@ -332,7 +289,7 @@ def _case(name: str, world: World, robot: Robot, cell: float, rng: np.random.Gen
         hit.append(moved[oracle.collides(moved)])
     graze = np.concatenate(hit[-len(DEPTHS) :])
     free = np.concatenate([outside[: 2 * size], _between(a, b, np.maximum(0.0, low_t - 2e-5))])
-    clearances = oracle.clearance(free)
+    clearances = _room(oracle, free)
     keep = ~oracle.collides(free) & (clearances > 1.1e-6)
     free, clearances = free[keep], clearances[keep]
     bad_motions = _bad_motions(oracle, graze, rng, size)
@@ -358,7 +315,7 @@ def _bad_motions(oracle: Oracle, graze: FloatArray, rng: np.random.Generator, si
     a, b = middle - share * way, middle + (1.0 - share) * way
     for ends in (a, b):
         ends[:, 2] = np.remainder(ends[:, 2] + math.pi, 2.0 * math.pi) - math.pi
-    fits = ~oracle.collides(a) & ~oracle.collides(b) & (np.minimum(oracle.clearance(a), oracle.clearance(b)) > 2e-7)
+    fits = ~oracle.collides(a) & ~oracle.collides(b) & (np.minimum(_room(oracle, a), _room(oracle, b)) > 2e-7)
     a, b = a[fits], b[fits]
     # Seldom hit first: of those that are, little collides.
     share_hit = oracle.collides(motion_states(a, b, 60).reshape(-1, 3)).reshape(len(a), 60).mean(axis=1)
@@ -372,14 +329,12 @@ def _good_motions(oracle: Oracle, outside: FloatArray, rng: np.random.Generator,
     b = a + rng.normal(size=a.shape) * rng.uniform(0.02, 0.8, (len(a), 1))
     b[:, 2] = np.remainder(b[:, 2] + math.pi, 2.0 * math.pi) - math.pi
     states = motion_states(a, b, 50).reshape(-1, 3)
-    clear = oracle.clearance(states).reshape(len(a), 50).min(axis=1) > CLEAR
+    clear = _room(oracle, states).reshape(len(a), 50).min(axis=1) > CLEAR
     return np.stack([a[clear], b[clear]], axis=1)[:size]
 
 
 def _add_curves(case: Case, oracle: Oracle, outside: FloatArray, rng: np.random.Generator, size: int) -> None:
     """Add shortest curves: some that keep CLEAR away, some of which little collides."""
-    from trailmark.curves import Steering
-
     a = outside[rng.integers(0, len(outside), 40 * size)]
     b = outside[rng.integers(0, len(outside), 40 * size)]
     near = np.hypot(*(b - a)[:, :2].T) < 2.5
@@ -388,8 +343,51 @@ def _add_curves(case: Case, oracle: Oracle, outside: FloatArray, rng: np.random.
     lengths = steering.lengths(a, b)
     states = steering.states(a, b, lengths[:, None] * np.linspace(0.0, 1.0, 150)).reshape(-1, 3)
     hit = oracle.collides(states).reshape(len(a), 150).mean(axis=1)
-    clear = oracle.clearance(states).reshape(len(a), 150).min(axis=1) > 2.0 * CLEAR
+    clear = _room(oracle, states).reshape(len(a), 150).min(axis=1) > 2.0 * CLEAR
     some = np.flatnonzero(hit > 0.0)
     bad = some[np.argsort(hit[some])][:size]
     case.bad_curves = np.stack([a[bad], b[bad]], axis=1)
     case.good_curves = np.stack([a[clear], b[clear]], axis=1)[: max(2, size // 2)]
+
+
+@pytest.fixture(scope="module")
+def made() -> list[tuple[Case, StateChecker]]:
+    return [(case, StateChecker(case.world, case.robot, cell=case.cell)) for case in cases(1, 2)]
+
+
+@pytest.mark.slow
+def test_what_just_collides_is_refused(made: list[tuple[Case, StateChecker]]) -> None:
+    assert sum(len(case.hit) for case, _ in made) > 500
+    assert sum(len(case.bad_motions) for case, _ in made) > 50
+    assert sum(len(case.bad_curves) for case, _ in made) > 10
+    for case, checker in made:
+        assert not checker.valid(case.hit).any(), case.name
+        assert not (kernels.field_states(checker.field, checker.footprint, case.hit) == kernels.FREE).any(), case.name
+        assert checker.clearance(case.hit).max() <= case.robot.clearance + 1e-8, case.name
+        if case.robot.clearance == 0.0:
+            assert not any(PathAuditor(checker).audit(q[None]).free for q in case.hit[-5:]), case.name
+        a, b = case.bad_motions[:, 0].copy(), case.bad_motions[:, 1].copy()
+        assert not checker.motions_valid(a, b).any(), case.name
+        assert not checker.motions_between_valid(a, b).any(), case.name
+        assert not (checker.motions_by_field(a, b) == kernels.FREE).any(), case.name
+        car = CurveMotion(checker, Steering(case.radius))
+        curves = case.bad_curves[:, 0].copy(), case.bad_curves[:, 1].copy()
+        assert not car.motions_between_valid(*curves).any(), case.name
+
+
+@pytest.mark.slow
+def test_what_is_just_free_is_accepted(made: list[tuple[Case, StateChecker]]) -> None:
+    assert sum(len(case.free) for case, _ in made) > 200
+    assert sum(len(case.good_motions) for case, _ in made) > 10
+    for case, checker in made:
+        assert checker.valid(case.free).all(), case.name
+        assert np.abs(checker.clearance(case.free) - case.clearances).max() <= 1e-8, case.name
+        assert all(PathAuditor(checker).audit(q[None]).free for q in case.free[-5:]), case.name
+        known = kernels.field_states(checker.field, checker.footprint, case.free)
+        assert not (known == kernels.BLOCKED).any(), case.name
+        a, b = case.good_motions[:, 0].copy(), case.good_motions[:, 1].copy()
+        assert checker.motions_valid(a, b).all(), case.name
+        assert not (checker.motions_by_field(a, b) == kernels.BLOCKED).any(), case.name
+        car = CurveMotion(checker, Steering(case.radius))
+        curves = case.good_curves[:, 0].copy(), case.good_curves[:, 1].copy()
+        assert car.motions_between_valid(*curves).all(), case.name

@@ -32,10 +32,7 @@ def places_run(files: Collection[str], action: Callable[[], object]) -> list[tup
 
 
 def interrupted(
-    files: Collection[str],
-    action: Callable[[], object],
-    k: int,
-    error: type[BaseException] = KeyboardInterrupt,
+    files: Collection[str], action: Callable[[], object], k: int, error: type[BaseException] = KeyboardInterrupt
 ) -> bool:
     """Raise ``error`` before the k-th line (from 0 on) of the files that an action runs; return whether it got there.
 
