@@ -80,13 +80,13 @@ def draw_plan(
         start = path.states[0] if start is None else start
         goal = path.states[-1] if goal is None else goal
     here = None if start is None else np.asarray(start, dtype=np.float64)
+    if here is not None:
+        draw_end(axes, robot, here, START, "o", "start")
     if (goals := goals_of(goal)) is not None:
         for each in goals:
             draw_goal(axes, robot, each, np.asarray(here) if path is None else path.states[-1])
     elif goal is not None:
         draw_end(axes, robot, np.asarray(goal, dtype=np.float64), GOAL, "s", "goal")
-    if here is not None:
-        draw_end(axes, robot, here, START, "o", "start")
 
 
 def save_plan_figure(
