@@ -81,6 +81,10 @@ ALL = Layers()
 """What is shown by default."""
 
 
+_PROMPT = "trailmark.plotting.prompt"
+"""It stands above what it draws: the one hand-over upwards, by name."""
+
+
 class Shown:
     """Draws itself into axes of matplotlib, and as a small picture where a notebook shows it."""
 
@@ -97,13 +101,10 @@ class Shown:
         Raises:
             ConfigurationError: an unknown layer, or a result that does not know its world.
         """
-        return _drawing("prompt").plot(_drawing("canvas").scene_of(self, robot, roadmap), ax, layers)
+        prompt = import_module(_PROMPT)
+        return prompt.plot(prompt.scene_of(self, robot, roadmap), ax, layers)
 
     def _repr_png_(self) -> bytes:
-        picture: bytes = _drawing("prompt").png_of(_drawing("canvas").scene_of(self))
+        prompt = import_module(_PROMPT)
+        picture: bytes = prompt.png_of(prompt.scene_of(self))
         return picture
-
-
-def _drawing(part: str) -> Any:
-    """Return a module of trailmark.plotting, which stands above what it draws: the one hand-over upwards, by name."""
-    return import_module(f"trailmark.plotting.{part}")

@@ -17,6 +17,7 @@ import typer
 import trailmark
 from trailmark.cli import app, main
 from trailmark.errors import ConfigurationError
+from trailmark.planning import PlanResult
 
 WORLD = """\
 trailmark: 1
@@ -127,7 +128,7 @@ class FakePlanner:
         stop: what the last plan was given to ask.
     """
 
-    status = "solved"
+    status: Any = "solved"
     calls: list[dict[str, Any]]
     action: Callable[[], None]
     stop: Callable[[], bool]
@@ -143,7 +144,7 @@ class FakePlanner:
 
     def plan(
         self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None, stop: Any = None, **others: Any
-    ) -> Any:
+    ) -> PlanResult:
         type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit} | others)
         if start[0] < 0:
             raise ConfigurationError(f"start {start} is out of bounds by {-start[0]:g} m")
@@ -151,38 +152,16 @@ class FakePlanner:
         for cost in (None, 12.0):
             on_progress(SimpleNamespace(elapsed=0.1, landmarks=3, cost=cost, phase="planning"))
         type(self).action()
-        path = None
+        found: dict[str, Any] = {"path": None, "first_cost": None, "min_clearance": None, "lower_bound": None}
         if self.status == "solved":
             end = goal if trailmark.world.goals.goals_of(goal) is None else goal[0].nearest(start)[0]
             path = trailmark.Path(np.array([start, [5.0, 1.0, 0.5], end]))
-        times = {"load": 0.0, "build": 0.125, "first_solution": None if path is None else 0.25, "total": 0.5}
-        seed = self.asked["seed"]
-
-        def to_dict(world: str | None = None, query: str | None = None) -> dict[str, Any]:
-            return {
-                "world": world,
-                "query": query,
-                "planner": "landmark",
-                "status": self.status,
-                "reason": kept["reason"],
-                "seed": seed,
-                "states": [] if path is None else path.states.tolist(),
-                "cost": path and path.cost,
-                "length": path and path.length,
-                "rotation": path and path.rotation,
-                "min_clearance": path and 0.25,
-                "lower_bound": 8.0 if self.status != "infeasible" else None,
-                "first_cost": path and 12.0,
-                "landmarks": 3,
-                "edges": 2,
-                "time": dict(times),
-            }
-
-        history = () if path is None else ((0.25, path.cost),)
-        kept: dict[str, Any] = {"clearance": 0.0, "clearance_bound": None, "goal": None, "objective": None}
-        kept["reason"] = "" if path is not None else "shut in at the start"
-        found = kept | {"status": self.status, "path": path, "seed": seed, "time": times, "history": history}
-        return SimpleNamespace(**found, lower_bound=None, to_dict=to_dict)
+            found = {"path": path, "first_cost": 12.0, "min_clearance": 0.25, "lower_bound": 8.0}
+            found["history"] = ((0.25, path.cost),)
+        times = {"load": 0.0, "build": 0.125, "first_solution": found["path"] and 0.25, "total": 0.5}
+        reason = "" if self.status == "solved" else "shut in at the start"
+        counts = {"landmarks": 3, "edges": 2, "seed": self.asked["seed"]}
+        return PlanResult(status=self.status, time=times, reason=reason, **counts, **found)
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ import pytest
 import typer
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.cli.logs import write_mrclam
 
 from trailmark import plotting
 from trailmark.cli import options
@@ -20,6 +21,20 @@ from trailmark.errors import TrailmarkError
 from trailmark.formats import path_files
 
 Shell = Callable[..., Any]
+
+MAP_SETTINGS = [
+    ("radius", "map0.yaml: expected lines 'name: value', got str"),
+    ("radius: [", "map1.yaml:2: not valid YAML"),
+    ("raduis: 1", "map2.yaml: setting raduis: expected "),
+    ("slam: {gates: 1}", "setting slam.gates: expected association, "),
+    ("log: {robot: 1}", "setting log.robot: expected "),
+    ("mapping: {scan: 3}", "mapping.scan: expected lines 'name: value', got int"),
+    ("radius: 0", "MapSettings: radius: expected a finite number above 0, got 0"),
+    ("slam: {association: nearst}", "SlamSettings: association: expected auto, joint, known, nearest, "),
+    ("mapping: {unknown: maybe}", "MappingSettings: unknown: expected blocked, free, got 'maybe'"),
+    ("log: {scan_topic: [1]}", "load_log: scan_topic: expected "),
+]
+"""Bad settings of ``map``, and what is said of them."""
 
 BARE = "trailmark: 1\nname: bare\nbounds: [0, 0, 4, 4]\n"
 CASES = {
@@ -76,7 +91,7 @@ CASES = {
         ("yard.yaml --settings empty.txt", "expected lines 'name: value', got NoneType"),
         ("yard.yaml --settings frame.yaml", "frame_id: expected a name without blanks"),
         ("yard.yaml --settings gap.yaml", "gap: expected"),
-        ("yard.yaml --settings patient.yaml", "expected build_share, drives, first_landmarks"),
+        ("yard.yaml --settings patient.yaml", "setting patient: expected build_share, drives, "),
         ("yard.yaml --settings patience.yaml", "patience.yaml: "),
         ("yard.yaml --settings frame.yaml --output frame.yaml", "is the same file as the input"),
     ],
@@ -129,6 +144,25 @@ CASES = {
         ("--resume a --output b", "expected --output or --resume, got both"),
         ("--resume a --seed 1", "--seed '1' given with --resume"),
     ],
+    "map": [
+        ("drive.jsonl", "Missing option '--output'"),
+        ("drive.jsonl --output no/w.yaml", "'no' does not exist"),
+        ("drive.jsonl --output w.json", "suffix: expected .yaml, .yml, got '.json'"),
+        ("none.jsonl --output w.yaml", "none.jsonl: cannot be read"),
+        (". --output w.yaml", ".: a folder that holds"),
+        ("robots:4 --output w.yaml", "robots: robot: expected 1 (with a file RobotN_Odometry.dat), got 4"),
+        ("drive.jsonl --output w.yaml --confidence 1", "a probability above 0 and below 1, got '1'"),
+        ("drive.jsonl --output w.yaml --robot disc", "--robot: expected disc:RADIUS, "),
+        ("drive.jsonl --output w.yaml --format carmn", "expected carmen, g2o, jsonl, mrclam, rosbag, victoria"),
+        ("drive.jsonl --output w.yaml --format victoria", "drive.jsonl:1: expected a line with ODOMETRY"),
+        ("drive.jsonl --output w.yaml --poses odometry", "expected what the log holds for detections (none)"),
+        ("drive.jsonl --output w.yaml --start 1,2", "--start: expected X,Y,T, finite numbers"),
+        ("drive.jsonl --output w.yaml --plot a.gif", "--plot: a.gif: suffix: expected .pdf, .png, .svg"),
+        ("drive.jsonl --output w.yaml --settings no.yaml", "no.yaml: cannot be read"),
+        ("drive.jsonl --output w.yaml --settings robot.yaml", "settings: robot_sigma given without --confidence"),
+        ("drive.jsonl --output robot.yaml --settings robot.yaml", "is the same file as the input"),
+        *((f"drive.jsonl --output w.yaml --settings map{i}.yaml", said) for i, (_, said) in enumerate(MAP_SETTINGS)),
+    ],
     "live": [("yard.yaml --port 99999", "--port"), ("yard.yaml --token x", "8 to 200"), ("none.yaml --port 0", "none")],
     "benchmark": [
         ("yard.yaml -p PRM", "--output is missing"),
@@ -178,6 +212,9 @@ FILES = {
     "gap.yaml": "gap: -1",
     "patient.yaml": "patient: 3",
     "patience.yaml": "patience: 0",
+    "robot.yaml": "robot_sigma: [0.1, 0.1]",
+    "drive.jsonl": '{"trailmark_log": 1}\n{"type": "detection", "t": 0, "z": [1, 0]}\n',
+    **{f"map{i}.yaml": text for i, (text, _) in enumerate(MAP_SETTINGS)},
 }
 
 
@@ -187,6 +224,7 @@ def folder(yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
+    write_mrclam(tmp_path / "robots")
     return tmp_path
 
 
@@ -198,12 +236,16 @@ def test_bad_input_is_one_line_with_status_2_and_changes_no_file(
         monkeypatch.undo()
         monkeypatch.chdir(folder)
     monkeypatch.setattr("trailmark.benchmark.workers.ANSWER_LIMIT", 0.2)
-    before = {file: file.read_bytes() for file in folder.iterdir()}
+    before = contents(folder)
     for words, problem in CASES[command]:
         run = shell(*command.split(), *shlex.split(words))
         assert run.status == 2, words
         assert problem in run.problem, words
-        assert {file: file.read_bytes() for file in folder.iterdir()} == before, words
+        assert contents(folder) == before, words
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 @pytest.mark.parametrize(
@@ -233,7 +275,7 @@ def test_any_error_of_trailmark_is_one_line_with_status_2(
     run = shell(*words.split())
     assert run.status == 2
     assert run.problem == r"first second \x1b[31mred"
-    assert {file.name for file in folder.iterdir()} == {"yard.yaml", *FILES}
+    assert {file.name for file in folder.iterdir()} == {"yard.yaml", "robots", *FILES}
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

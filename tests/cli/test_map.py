@@ -1,9 +1,11 @@
-"""trailmark map: logs of all kinds to worlds that can be planned in, figures, pictures, progress."""
+"""trailmark map: logs of all kinds to worlds that can be planned in; bad ones, and interrupts, leave one line."""
 
 from __future__ import annotations
 
 import gzip
 import json
+import signal
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.cli.logs import POSTS, START, recorded, write_mrclam
+from tests.cli.logs import POSTS, START, recorded, write_bag, write_mrclam
 
 from trailmark.estimation import Pose, regrow, save_log
 from trailmark.shapes import Disc
@@ -21,10 +23,17 @@ Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
 
 
-@pytest.fixture
-def log(tmp_path: Path) -> Path:
-    file = tmp_path / "yard.jsonl"
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> str:
+    file = tmp_path_factory.mktemp("saved") / "yard.jsonl"
     save_log(recorded(), file)
+    return file.read_text()
+
+
+@pytest.fixture
+def log(tmp_path: Path, saved: str) -> Path:
+    file = tmp_path / "yard.jsonl"
+    file.write_text(saved)
     return file
 
 
@@ -76,62 +85,36 @@ def test_a_simulated_log_becomes_a_world_to_plan_in(shell: Shell, log: Path, tmp
     assert shell("plan", file, "--query", "farthest", "--time-limit", "0.3").status == 0
 
 
+KEYS = (
+    "log name records dropped poses association matching features nis batch counts obstacles bounds trajectory queries "
+    "risk time not_certified warnings notes robot written"
+)
+
+
 @pytest.mark.slow
 def test_the_figures(shell: Shell, log: Path, tmp_path: Path) -> None:
-    run = shell("map", log, "--output", tmp_path / "world.yaml", "--confidence", "0.99")
-    title, *rows = run.out.splitlines()
-    assert title == "yard: 8 obstacles"
-    facts = {row.split()[0]: " ".join(row.split()[1:]) for row in rows}
-    assert f"{len(recorded().records):,} (" in facts["records"]
-    assert facts["features"] == "8 confirmed, 0 dropped"
-    assert "95 % χ² band" in facts["NIS"]
-    assert "ms per update" in facts["time"]
-    assert facts["obstacles"] == "8 discs"
-    assert facts["risk"] == "a valid path meets an obstacle with probability 0.01 at most"
-    assert "radius of 0.1 m" in run.out
-    assert facts["written"].endswith("world.yaml")
-    plain = shell(
-        "map", log, "--output", tmp_path / "plain.yaml", *given(tmp_path, "{radius: 0.2, radius_sigma: 0.05}")
-    ).out
-    assert "none stated" in plain
-    assert "note" not in plain
-
-
-@pytest.mark.slow
-def test_the_json_object(shell: Shell, log: Path, tmp_path: Path) -> None:
     file, picture = tmp_path / "world.yaml", tmp_path / "map.svg"
-    found = record(shell, log, "--output", file, "--confidence", "0.95", "--plot", picture)
-    assert set(found) == {
-        *(
-            "log",
-            "name",
-            "records",
-            "dropped",
-            "poses",
-            "association",
-            "matching",
-            "features",
-            "nis",
-            "batch",
-            "counts",
-            "obstacles",
-        ),
-        *("bounds", "trajectory", "queries", "risk", "time", "not_certified", "warnings", "notes", "robot", "written"),
-    }
+    found = record(shell, log, "--output", file, "--confidence", "0.99", "--plot", picture)
+    assert list(found) == KEYS.split()
     assert found["records"]["all"] == len(recorded().records)
     assert (found["dropped"], found["poses"], found["association"]) == (0, "slam", "known")
     assert found["features"] == {"confirmed": 8, "tentative": 0, "dropped": 0}
     assert found["nis"]["low"] < found["nis"]["expected"] < found["nis"]["high"]
-    assert found["risk"] == pytest.approx({"confidence": 0.95, "collision_at_most": 0.05})
+    assert found["risk"] == pytest.approx({"confidence": 0.99, "collision_at_most": 0.01})
     assert found["obstacles"]["discs"] == 8
-    assert found["written"] == {
-        **dict.fromkeys(("trajectory", "nav2")),
-        "world": str(file),
-        "plot": str(picture),
-    }
+    assert found["written"] == {"world": str(file), "plot": str(picture), "trajectory": None, "nav2": None}
     assert found["queries"] == [query.name for query in World.load(file).queries]
     assert 0.0 < found["time"]["per_update"] < found["time"]["total"]
     assert picture.read_bytes().startswith(b"<?xml")
+    title, *rows = shell("map", log, "--output", file, "--confidence", "0.99").out.splitlines()
+    facts = {row.split()[0]: " ".join(row.split()[1:]) for row in rows}
+    assert (title, facts["features"], facts["obstacles"]) == ("yard: 8 obstacles", "8 confirmed, 0 dropped", "8 discs")
+    assert facts["risk"] == "a valid path meets an obstacle with probability 0.01 at most"
+    assert "95 % χ² band" in facts["NIS"]
+    assert "radius of 0.1 m" in facts["note"]
+    plain = shell("map", log, "--output", file, *given(tmp_path, "{radius: 0.2, radius_sigma: 0.05}")).out
+    assert "none stated" in plain
+    assert "note" not in plain
 
 
 @pytest.mark.slow
@@ -178,25 +161,20 @@ def test_without_certified_features_no_confidence_is_given(shell: Shell, log: Pa
 @pytest.mark.slow
 def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> None:
     log.write_text("".join(log.read_text().splitlines(keepends=True)[:130]))  # in which all posts are seen
+    file = tmp_path / "world.yaml"
 
-    def areas(*words: object) -> float:
-        assert shell("map", log, "--output", tmp_path / "world.yaml", "--confidence", "0.99", *words).status == 0
-        return sum(shape.area for shape in World.load(tmp_path / "world.yaml").obstacles)
+    def area(*words: object) -> float:
+        assert shell("map", log, "--output", file, "--confidence", "0.99", *words).status == 0
+        return sum(shape.area for shape in World.load(file).obstacles)
 
-    plain = areas()
-    assert (
-        areas(*given(tmp_path, "{range_bearing: {sigma_range: 0.3, sigma_bearing: 0.1}, stated_noise: false}"))
-        > 1.2 * plain
-    )
-    velocity = given(tmp_path, "{velocity: {sigma_v: 0.1, sigma_omega: 0.1}, stated_noise: false}")
-    assert areas(*velocity) > plain  # but little, since obstacles are relative to the map
-    assert areas(*given(tmp_path, "robot_sigma: [0.2, 0]")) > 1.2 * plain
-    assert areas("--start", START) > 1.2 * plain
-    assert {estimate.frame for estimate in World.load(tmp_path / "world.yaml").estimates if estimate} == {"start"}
-    assert areas("--start", START, "--frame", "map") == pytest.approx(plain, rel=1e-3)
-    assert {estimate.frame for estimate in World.load(tmp_path / "world.yaml").estimates if estimate} == {"map"}
-    assert areas(*given(tmp_path, "radius_sigma: 0.05")) > 1.2 * plain
-    assert areas(*given(tmp_path, "slam: {association: nearest, confirm: 3, outlier_gate: null}")) > 0.0
+    plain = area()
+    noisy = "{range_bearing: {sigma_range: 0.3, sigma_bearing: 0.1}, stated_noise: false}"
+    for text in (noisy, "robot_sigma: [0.2, 0]", "radius_sigma: 0.05"):
+        assert area(*given(tmp_path, text)) > 1.2 * plain
+    for words, frame in ((("--start", START), "start"), (("--start", START, "--frame", "map"), "map")):
+        assert area(*words) > 1.2 * plain if frame == "start" else area(*words) == pytest.approx(plain, rel=1e-3)
+        assert {estimate.frame for estimate in World.load(file).estimates if estimate} == {frame}
+    assert area(*given(tmp_path, "slam: {association: nearest, confirm: 3, outlier_gate: null}")) > 0.0
 
 
 @pytest.mark.slow
@@ -212,27 +190,8 @@ def test_mrclam_folders_in_all_their_names(shell: Shell, mrclam: Path, tmp_path:
         assert record(shell, *words, "--output", file)["name"] == "robots-robot1"
         worlds.append(file.read_text())
     assert len(set(worlds)) == 1
-
-
-def test_what_was_written_into_the_logs_folder_is_written_again(shell: Shell, mrclam: Path) -> None:
-    for _ in range(2):
+    for _ in range(2):  # what was written into the log's folder is written again
         assert shell("map", f"{mrclam}:1", "--output", mrclam / "map.yaml").status == 0
-
-
-@pytest.mark.slow
-def test_real_robots(shell: Shell, shared_data: Path, tmp_path: Path) -> None:
-    folder, file = tmp_path / "cut", tmp_path / "world.yaml"
-    folder.mkdir()
-    for name in ("Robot3_Odometry.dat", "Robot3_Measurement.dat", "Barcodes.dat"):
-        lines = (shared_data / "mrclam6" / name).read_text().splitlines()
-        begin = next(float(line.split()[0]) for line in lines if not line.startswith("#"))
-        early = [x for x in lines if name == "Barcodes.dat" or x.startswith("#") or float(x.split()[0]) < begin + 60.0]
-        (folder / name).write_text("\n".join(early) + "\n")
-    run = shell("map", folder, "--output", file, "--skip-bad")
-    assert run.status == 0
-    assert "EKF-SLAM, association known" in run.out
-    assert len(World.load(file).obstacles) >= 5
-    assert shell("plan", file, "--time-limit", "0.3").status == 0
 
 
 @pytest.mark.slow
@@ -267,3 +226,170 @@ def test_trees(terminal: Terminal, shared_data: Path, tmp_path: Path) -> None:
     assert "mapping" in run.err
     assert "of 1,000 records" in run.err
     assert "records" not in run.out.replace('"records"', "")
+
+
+@pytest.mark.slow
+def test_bags(shell: Shell, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="the extra trailmark[ros] is not installed")
+    write_bag(tmp_path / "drive", scans=True)
+    write_bag(tmp_path / "blind", scans=False)
+    file = tmp_path / "world.yaml"
+    found = record(shell, tmp_path / "drive", "--output", file, "--confidence", "0.9")
+    assert found["records"] | {"poses": 1} == found["records"] | {"scans": 12}
+    assert found["poses"] == "match"
+    assert found["obstacles"]["walls"] >= 1
+    World.load(file)
+    settings = tmp_path / "settings.yaml"
+    settings.write_text("log: {scan_topic: /scan, odometry_topic: /odom}")
+    words = ["--settings", settings]
+    assert record(shell, tmp_path / "drive", "--output", file, *words)["records"]["scans"] == 12
+    settings.write_text("log: {scan_topic: /scann}")
+    run = shell("map", tmp_path / "drive", "--output", file, *words)
+    assert "got '/scann'" in run.problem
+    file.unlink()
+    run = shell("map", tmp_path / "blind", "--output", file)
+    assert run.status == 2
+    assert run.problem.startswith(
+        f"{tmp_path / 'blind'}: no topic of type sensor_msgs/LaserScan in the bag; it has: /odom"
+    )
+    assert not file.exists()
+
+
+MEASURED, DRIVEN = "Robot1_Measurement.dat", "Robot1_Odometry.dat"
+BAD_LINES = [
+    (DRIVEN, 5, "0.3 0.2", "expected 3 finite numbers t, v, omega, got 2 columns"),
+    (DRIVEN, 5, "0.1 0.2 0.0", "time: expected 0.2 or later, got 0.1"),
+    (MEASURED, 3, "1.05 99 2.0 0.4", "barcode: expected one of Barcodes.dat: 5, 25, 63, got 99"),
+]
+
+
+@pytest.mark.parametrize(("name", "line", "text", "problem"), BAD_LINES)
+def test_bad_lines(shell: Shell, mrclam: Path, tmp_path: Path, name: str, line: int, text: str, problem: str) -> None:
+    lines = (mrclam / name).read_text().splitlines()
+    lines[line - 1] = text
+    (mrclam / name).write_text("\n".join(lines))
+    before = sorted(tmp_path.rglob("*"))
+    file = tmp_path / "world.yaml"
+    run = shell("map", mrclam, "--output", file, "--plot", tmp_path / "map.png")
+    assert (run.status, run.out) == (2, "")
+    assert run.problem.startswith(f"{mrclam / name}:{line}: ")
+    assert problem in run.problem
+    assert sorted(tmp_path.rglob("*")) == before
+    run = shell("map", mrclam, "--output", file, "--skip-bad", "--json")
+    assert run.status == 0
+    assert json.loads(run.out)["dropped"] == 1
+    assert run.err == f"trailmark: 1 bad record left out of {mrclam}\n"
+    assert len(World.load(file).obstacles) == 2
+    assert "1 bad record left out" in shell("map", mrclam, "--output", file, "--skip-bad").out
+
+
+@pytest.mark.slow
+def test_bad_lines_of_other_formats(shell: Shell, log: Path, tmp_path: Path) -> None:
+    lines = log.read_text().splitlines()
+    file = tmp_path / "world.yaml"
+    for cut, line in (("\n".join([*lines[:50], lines[50][:20]]), 51), ("\n".join([*lines[:5], "x", *lines[5:]]), 6)):
+        log.write_text(cut)
+        run = shell("map", log, "--output", file)
+        assert run.status == 2
+        assert run.problem.startswith(f"{log}:{line}: ")
+    assert not file.exists()
+    good = lines[1:]
+    log.write_text("\n".join([lines[0], *good[:40], "{}", *good[40:], '{"type": "odometry", "t": NaN}']))
+    found = json.loads(shell("map", log, "--output", file, "--skip-bad", "--json").out)
+    assert found["dropped"] == 2
+    assert found["records"]["all"] == len(recorded().records)
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"", "an empty log"),
+        (b"\n\n", "an empty log"),
+        (b"hello\n", "no log of a known format"),
+        (b'{"trailmark_log": 1}\n', "expected a log of one record or more, got none"),
+        (b'{"trailmark_log": 1}\n{"type": "odometry", "t": 0, "v": 1, "omega": 0}\n', "neither scans nor detections"),
+        (b'{"trailmark_log": 1}\n{"type": "detection", "t": 0, "z": [1, 0]}\n', "got neither odometry nor poses"),
+    ],
+)
+def test_logs_that_show_nothing(shell: Shell, tmp_path: Path, content: bytes, problem: str) -> None:
+    log, file = tmp_path / "log.txt", tmp_path / "world.yaml"
+    log.write_bytes(content)
+    for more in ([], ["--skip-bad"]):
+        run = shell("map", log, "--output", file, *more)
+        assert run.status == 2
+        assert run.problem.startswith(f"{log}: ")
+        assert problem in run.problem
+    assert not file.exists()
+
+
+@pytest.mark.parametrize(
+    ("records", "problem"),
+    [
+        (
+            [
+                {"type": "odometry", "t": 0, "v": 1e300, "omega": 0},
+                {"type": "detection", "t": 1e9, "z": [2, 0.1], "identity": 3},
+            ],
+            "expected values that a robot can have, got Detection at 1e+09 s, which cannot be used (",
+        ),
+        (
+            [
+                {"type": "increment", "t": 0, "dx": 5e7, "dy": 0, "dtheta": 0},
+                {"type": "detection", "t": 1, "z": [2, 0.1], "identity": 3},
+            ],
+            "bounds: ",
+        ),
+        (
+            [
+                {"type": "pose", "t": 0, "x": 0, "y": 0, "theta": 0},
+                {"type": "scan", "t": 0, "ranges": [2, 2e6], "angle_min": 0, "angle_increment": 0.5, "range_max": 9e9},
+            ],
+            "expected a grid of 1 to 64,000,000 cells, got [",
+        ),
+    ],
+)
+def test_values_that_no_robot_can_have(shell: Shell, tmp_path: Path, records: list[Any], problem: str) -> None:
+    log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
+    log.write_text("\n".join(map(json.dumps, [{"trailmark_log": 1}, *records])))
+    run = shell("map", log, "--output", file)
+    assert run.status == 2
+    assert run.problem.startswith(f"{log}: {problem}")
+    assert not file.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranges", [[2, 2, 2, "inf", None], ["inf", None]])
+def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> None:
+    log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
+    scan = {"type": "scan", "t": 0, "ranges": ranges, "angle_min": -1, "angle_increment": 0.5, "range_max": 8}
+    log.write_text("\n".join(map(json.dumps, [{"trailmark_log": 1}, scan | {"pose": [1, 1, 0]}])))
+    run = shell("map", log, "--output", file, "--plot", tmp_path / "map.png", "--confidence", "0.9", "--json")
+    assert (run.status, "met nothing" in run.err) == (0, 2 not in ranges)
+    found = json.loads(run.out)
+    assert found["obstacles"] == {"all": 1, "discs": 0, "walls": 0, "heaps": 0, "unknown": 1}
+    assert World.load(file).queries == ()
+
+
+@pytest.mark.slow
+def test_interruption_while_mapping_leaves_nothing(log: Path) -> None:
+    program = f"""
+import signal, sys, time
+import trailmark.estimation.mapping as module
+from trailmark.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job would ignore it
+def slow(*args, **named):
+    print("mapping", flush=True)
+    time.sleep(30)
+module.map_log = slow
+sys.exit(main(["map", {str(log)!r}, "--output", {str(log.parent / "world.yaml")!r}]))
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "mapping\n"
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert err == "trailmark: error: interrupted\n"
+    assert list(log.parent.iterdir()) == [log]

@@ -44,17 +44,11 @@ def test_each_format_holds_the_same_roadmap(shell: Shell, yard: Path, tmp_path: 
         assert np.array_equal(loaded.configurations[node, :2], position)
 
 
-def test_a_car_s_roadmap(shell: Shell, yard: Path, tmp_path: Path) -> None:
+def test_a_car_s_roadmap_and_the_frames_name(shell: Shell, yard: Path, tmp_path: Path) -> None:
     words = ["roadmap", yard, "-k", 10, "--turning-radius", 0.5, "--output"]
-    run = shell(*words, tmp_path / "graph.graphml")
-    assert run.status == 0
-    assert "turning radius 0.5 m" in run.out
+    assert "turning radius 0.5 m" in shell(*words, tmp_path / "graph.graphml").out
     run = shell(*words, tmp_path / "graph.geojson")
-    assert run.status == 2
     assert "expected straight motions for a route graph, got a car's curves" in run.problem
-    assert not (tmp_path / "graph.geojson").exists()
-
-
-def test_the_frame_is_named(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    assert (run.status, (tmp_path / "graph.geojson").exists()) == (2, False)
     assert shell("roadmap", yard, "-k", 10, "--frame-id", "odom", "--output", tmp_path / "a.geojson").status == 0
     assert '"frame": "odom"' in (tmp_path / "a.geojson").read_text()

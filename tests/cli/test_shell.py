@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -15,12 +14,12 @@ from typing import Any
 import pytest
 
 import trailmark
-from trailmark.cli import console
 from trailmark.errors import InternalErrorWarning
 
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
 COMMAND = [sys.executable, "-m", "trailmark.cli"]
+COMPLETE = {"_TRAILMARK_COMPLETE": "complete_bash", "COMP_WORDS": "trailmark plan --turn", "COMP_CWORD": "2"}
 
 
 def python(program: str, *words: str, **how: Any) -> subprocess.CompletedProcess[str]:
@@ -28,40 +27,30 @@ def python(program: str, *words: str, **how: Any) -> subprocess.CompletedProcess
 
 
 @pytest.mark.slow
-def test_words_are_completed() -> None:
-    asked = {"_TRAILMARK_COMPLETE": "complete_bash", "COMP_WORDS": "trailmark plan --turn", "COMP_CWORD": "2"}
-    done = subprocess.run(COMMAND, capture_output=True, text=True, check=False, env=os.environ | asked)
-    assert (done.returncode, done.stdout.split(), done.stderr) == (0, ["--turning-radius"], "")
-
-
-@pytest.mark.slow
-def test_help_and_version_are_quick_and_import_nothing_heavy() -> None:
+def test_help_version_and_completion_are_quick_and_import_nothing_heavy() -> None:
     heavy = ["fcl", "matplotlib", "networkx", "numba", "numpy", "ompl", "PIL", "scipy", "shapely", "sklearn", "yaml"]
     program = (
-        "import sys; from trailmark.cli import main; main(['--help']); main(['--version']);"
-        f"print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
+        "import os, sys; from trailmark.cli import main; main(['--help']); main(['--version']); print('', flush=True)\n"
+        f"os.environ |= {COMPLETE}; main([]); print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
     )
     done = python(program)
-    assert done.stderr == "[]\n"
-    assert done.stdout.endswith(f"\ntrailmark {trailmark.__version__}\n")
-
-    def seconds() -> float:
-        """Return processor time: that of the clock is the machine's, with all that runs beside."""
-        before = os.times()
-        subprocess.run([*COMMAND, "--help"], capture_output=True, check=True)
-        after = os.times()
-        return after.children_user + after.children_system - before.children_user - before.children_system
-
-    assert any(seconds() < 0.4 for _ in range(3))
+    assert (done.returncode, done.stderr) == (0, "[]\n")
+    shown, _, completed = done.stdout.rpartition(f"\ntrailmark {trailmark.__version__}\n")
+    assert "Commands:" in shown
+    assert completed.split() == ["--turning-radius"]
 
 
 @pytest.mark.slow
-def test_a_reader_that_goes_away_is_no_error() -> None:
+def test_a_reader_that_goes_away_is_no_error_and_a_full_disk_is_one_line() -> None:
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run([*COMMAND, "worlds", "schema"], stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
     assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
+    if Path("/dev/full").exists():
+        with Path("/dev/full").open("w") as full:
+            done = subprocess.run([*COMMAND, "--version"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        assert (done.returncode, done.stderr) == (2, "trailmark: error: output: No space left on device\n")
 
 
 @pytest.mark.slow
@@ -78,14 +67,6 @@ def test_closed_streams_change_neither_files_nor_status(yard: Path, tmp_path: Pa
     assert status("plan", yard, "--settings", settings, "--output", file) == 0
     assert file.read_text().startswith("x,y,theta\n")
     assert status("check", yard, file, "--robot", "disc:2") == 5
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device /dev/full")
-def test_a_full_disk_is_one_line() -> None:
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run([*COMMAND, "--version"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "trailmark: error: output: No space left on device\n")
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -114,29 +95,9 @@ def test_signals_end_in_one_line(
     assert signal.getsignal(number) is before
 
 
-@pytest.mark.slow
-def test_a_process_ends_as_its_signal_says(yard: Path) -> None:
-    # What Ctrl-C does to a process is tested with ``trailmark map`` and ``trailmark benchmark``.
-    program = f"""
-import os, signal, sys, threading, time, trailmark
-from trailmark.cli import main
-class Slow:
-    def __init__(self, *args, **named): pass
-    def plan(self, *args, **named):
-        threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM)).start()
-        time.sleep(30)
-trailmark.LandmarkPlanner = Slow
-sys.exit(main(["plan", {str(yard)!r}, "--output", {str(yard.parent / "path.json")!r}]))
-"""
-    done = python(program, timeout=120.0)
-    assert (done.returncode, done.stdout, done.stderr) == (143, "", "trailmark: error: terminated\n")
-    assert list(yard.parent.iterdir()) == [yard]
-
-
 SHOW = """
 import time
 import numba, ompl.base
-from trailmark.cli import console
 with console.progress("loading") as progress:
     progress.stage("planning", limit=5.0)
     progress.done, progress.unit, progress.details = (3, 1000), " records", ["312 landmarks", "cost 19.5"]
@@ -166,13 +127,6 @@ def test_a_pipe_gets_results_and_problems_alone_in_what_its_encoding_has() -> No
     assert done.stderr == "trailmark: error: [b]\\u03b8[/b]\n"
 
 
-def test_json_text_is_strict() -> None:
-    record = {"states": [[0.0, 1.0, 2.0]], "query": "θ", "cost": None}
-    assert json.loads(console.json_text(record)) == record
-    with pytest.raises(ValueError, match="JSON"):
-        console.json_text({"cost": float("nan")})
-
-
 def test_what_is_wrong_with_trailmark_itself_is_reported_in_one_line(shell: Shell, yard: Path, planner: Any) -> None:
     def warn() -> None:
         warnings.warn("a path that was found is not free", InternalErrorWarning, stacklevel=1)
@@ -191,3 +145,4 @@ def test_help_shows_brackets_and_whole_summaries(shell: Shell, monkeypatch: pyte
         assert commands
         assert "..." not in commands
     assert "'[[x, y], ...]'" in " ".join(shell("plan", "--help").out.split())
+    assert "inf]" not in shell("explore", "--help").out

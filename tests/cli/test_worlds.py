@@ -46,19 +46,16 @@ def test_every_shipped_world_is_listed(shell: Shell) -> None:
     assert [query["name"] for query in facts["queries"]] == [query.name for query in office.queries]
 
 
-def test_show_as_json(shell: Shell, yard: Path) -> None:
+@pytest.mark.slow
+def test_show_tells_and_draws(shell: Shell, yard: Path, tmp_path: Path) -> None:
     facts = json.loads(shell("worlds", "show", yard, "--json", "--robot", "disc:0.25").out)
     assert facts["robot"] == "disc 0.25 m"
     assert facts["queries"][0] == {"name": "across", "start": [1.0, 1.0, 0.0], "goal": [9.0, 5.0, 1.5]}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".PDF", b"%PDF")])
-def test_show_draws(shell: Shell, yard: Path, tmp_path: Path, suffix: str, magic: bytes) -> None:
-    picture = tmp_path / f"yard{suffix}"
-    run = shell("worlds", "show", yard, "--plot", picture)
-    assert (run.status, str(picture) in run.out) == (0, True)
-    assert picture.read_bytes().startswith(magic)
+    for suffix, magic in ((".png", b"\x89PNG"), (".svg", b"<?xml"), (".PDF", b"%PDF")):
+        picture = tmp_path / f"yard{suffix}"
+        run = shell("worlds", "show", yard, "--plot", picture)
+        assert (run.status, str(picture) in run.out) == (0, True)
+        assert picture.read_bytes().startswith(magic)
 
 
 def test_convert_keeps_the_world_but_for_another_robot(shell: Shell, yard: Path, tmp_path: Path) -> None:
@@ -66,12 +63,6 @@ def test_convert_keeps_the_world_but_for_another_robot(shell: Shell, yard: Path,
     assert World.load(tmp_path / "copy.yaml") == World.load(yard)
     assert shell("worlds", "convert", yard, tmp_path / "copy.yml", "--robot", "disc:0.2").status == 0
     assert World.load(tmp_path / "copy.yml") == World.load(yard).with_robot(Robot.disc(0.2))
-
-
-def test_convert_reads_other_formats(shell: Shell, tmp_path: Path, shared_data: Path) -> None:
-    source = shared_data / "nav2" / "tb3_sandbox.yaml"
-    assert shell("worlds", "convert", source, tmp_path / "map.yaml").status == 0
-    assert World.load(tmp_path / "map.yaml").obstacles == World.load(source).obstacles
 
 
 def test_masks_become_zones_of_the_world(shell: Shell, yard: Path, mask: Path, tmp_path: Path) -> None:
@@ -102,9 +93,3 @@ def test_a_keep_out_mask_beside_the_map_is_warned_of(shell: Shell, yard: Path, m
         run = shell("worlds", "convert", yard, tmp_path / "site.yaml", "--keepout", mask)
         assert (run.status, run.err.count("\n")) == (0, 1)
         assert "the keep-out mask covers nothing of the map" in run.err
-
-
-def test_schema_is_a_json_schema_of_worlds(shell: Shell) -> None:
-    schema = json.loads(shell("worlds", "schema").out)
-    assert "json-schema.org" in schema["$schema"]
-    assert {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"} <= set(schema["properties"])

@@ -83,28 +83,19 @@ def test_each_format_gives_the_same_states(tmp_path: FilePath, text: str) -> Non
     assert found.curve is None
 
 
-@pytest.mark.parametrize("suffix", [".json", ".csv", ".path", ".txt"])
-def test_what_trailmark_writes(tmp_path: FilePath, suffix: str) -> None:
-    write_path(tmp_path / f"a{suffix}", STATES)
-    assert np.array_equal(read_any_path(tmp_path / f"a{suffix}").states, STATES)
-
-
-def test_a_car_s_curve_comes_along(tmp_path: FilePath) -> None:
+def test_what_trailmark_writes_and_headings_as_they_were_written(tmp_path: FilePath) -> None:
+    for suffix in (".json", ".csv", ".path", ".txt"):
+        write_path(tmp_path / f"a{suffix}", STATES)
+        assert np.array_equal(read_any_path(tmp_path / f"a{suffix}").states, STATES)
     curve = {"kind": "dubins", "turning_radius": 2.0, "knots": STATES}
     write_path(tmp_path / "a.json", STATES, {"curve": curve})
     assert read_any_path(tmp_path / "a.json").curve == curve
-
-
-def test_headings_are_reported_as_they_were_written(tmp_path: FilePath) -> None:
+    write_trajectory(tmp_path / "a.csv", np.arange(len(STATES)), STATES, np.zeros((len(STATES), 3)))
+    np.testing.assert_array_equal(read_any_path(tmp_path / "a.csv").states, STATES)
     (tmp_path / "a.csv").write_text("x,y,yaw\n0,0,90\n1,0,-180\n")
     found = read_any_path(tmp_path / "a.csv")
     assert found.headings == 180.0
     assert (np.abs(found.states[:, 2]) <= math.pi).all()
-
-
-def test_a_trajectory_that_trailmark_wrote_is_a_path_too(tmp_path: FilePath) -> None:
-    write_trajectory(tmp_path / "a.csv", np.arange(len(STATES)), STATES, np.zeros((len(STATES), 3)))
-    np.testing.assert_array_equal(read_any_path(tmp_path / "a.csv").states, STATES)
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-5, 1e200])

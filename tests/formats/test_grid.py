@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
 from trailmark.errors import FormatError, ShapeError, TrailmarkError, WorldError
 from trailmark.formats.grid import (
@@ -58,34 +58,16 @@ def test_polygons_cover_the_occupied_cells_exactly(occupied: NDArray[np.bool_]) 
     # Each centre in exactly one polygon or none, and not a sliver of area more.
     assert np.array_equal(rasterised(polygons, centres(occupied.shape)), occupied.astype(int))
     assert sum(polygon.area for polygon in polygons) == occupied.sum()
-
-
-@pytest.mark.slow
-@given(grids)
-def test_vertices_are_corners_and_rings_have_their_sense(occupied: NDArray[np.bool_]) -> None:
-    for polygon in grid_polygons(occupied):
+    assert len(polygons) == ndimage.label(occupied)[1]
+    lowest = [polygon.vertices[:, 1].min() for polygon in polygons]
+    assert lowest == sorted(lowest)
+    for polygon in polygons:
         assert polygon.shapely().is_valid
         assert signed_area(polygon.vertices) > 0.0
+        assert all(signed_area(hole) < 0.0 for hole in polygon.holes)
         for ring in (polygon.vertices, *polygon.holes):
             before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
             assert (np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) >= 1.0).all()
-        assert all(signed_area(hole) < 0.0 for hole in polygon.holes)
-
-
-@pytest.mark.slow
-@given(grids)
-def test_one_polygon_for_each_component_of_cells(occupied: NDArray[np.bool_]) -> None:
-    waiting = {(int(r), int(c)) for r, c in np.argwhere(occupied)}
-    components = 0
-    while waiting:
-        components += 1
-        front = [waiting.pop()]
-        while front:
-            r, c = front.pop()
-            near = {(r + 1, c), (r - 1, c), (r, c + 1), (r, c - 1)} & waiting
-            waiting -= near
-            front += near
-    assert len(grid_polygons(occupied)) == components
 
 
 @pytest.mark.slow
@@ -142,11 +124,6 @@ def test_lines_that_rounding_joins_are_refused(cell: float, origin: tuple[float,
         grid_polygons(np.eye(3, dtype=bool), cell, origin)
 
 
-def test_a_rectangle_has_four_vertices() -> None:
-    (polygon,) = grid_polygons(np.ones((300, 200), dtype=bool), 0.05, (1.0, 2.0, 0.0))
-    assert sorted(map(tuple, polygon.vertices.tolist())) == [(1.0, 2.0), (1.0, 17.0), (11.0, 2.0), (11.0, 17.0)]
-
-
 @pytest.mark.slow
 def test_large_maps() -> None:
     rng = np.random.default_rng(5)
@@ -176,7 +153,6 @@ def test_sizes_beyond_the_limit_are_refused(size: tuple[int, int]) -> None:
         check_size(*size)
 
 
-grids_cell_obstacles = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans())
 ROBOT = Robot.rectangle(0.7, 0.3)
 
 
@@ -186,7 +162,7 @@ def made(world: World) -> bool:
 
 
 @pytest.mark.slow
-@given(grids_cell_obstacles)
+@given(grids)
 def test_sides_are_those_of_the_polygons(occupied: NDArray[np.bool_]) -> None:
     origin = (0.5, -2.0, 0.0)
     sides = grid_sides(occupied, 0.1, origin)
@@ -207,29 +183,18 @@ def test_sides_are_those_of_the_polygons(occupied: NDArray[np.bool_]) -> None:
     assert units(sides) == units(expected)
 
 
-@pytest.mark.slow
-def test_checking_and_planning_make_no_polygons() -> None:
-    occupied = np.random.default_rng(0).random((40, 40)) < 0.1
-    occupied[:2], occupied[-2:] = False, False
-    world = World.from_grid(occupied, 1.0)
-    planner = LandmarkPlanner(world, Robot.disc(0.4), seed=0)
-    result = planner.plan((0.5, 0.5, 0.0), (39.5, 39.5, 1.0), time_limit=5.0)
-    assert result.path is not None
-    assert result.path.cost <= 1.01 * (result.lower_bound or 0.0)
-    assert not made(world)
-    assert len(world.obstacles) == len(grid_polygons(occupied))
-    assert made(world)
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_answers_are_those_of_the_polygons(seed: int) -> None:
+@pytest.mark.parametrize("seed", range(4))
+def test_answers_are_those_of_the_polygons_which_are_not_made(seed: int) -> None:
     rng = np.random.default_rng(seed)
     world = World.from_grid(rng.random((12, 15)) < 0.2, 0.5, (3.0, -1.0))
-    plain = replace(world, obstacles=tuple(world.obstacles))
     q = np.column_stack([rng.uniform(3.0, 10.5, 400), rng.uniform(-1.0, 5.0, 400), rng.uniform(-3.0, 3.0, 400)])
-    mine, theirs = StateChecker(world, ROBOT), StateChecker(plain, ROBOT)
-    assert np.array_equal(mine.valid(q), theirs.valid(q))
-    assert mine.clearance(q) == pytest.approx(theirs.clearance(q), abs=1e-12)
+    mine = StateChecker(world, ROBOT)
+    valid, clearance = mine.valid(q), mine.clearance(q)
+    assert not made(world)
+    theirs = StateChecker(replace(world, obstacles=tuple(world.obstacles)), ROBOT)
+    assert made(world)
+    assert np.array_equal(valid, theirs.valid(q))
+    assert clearance == pytest.approx(theirs.clearance(q), abs=1e-12)
     assert cells_of(world.edited(remove=[len(world.obstacles) // 2], add=[Disc((6.0, 2.0), 0.3)]).obstacles) is None
 
 

@@ -15,20 +15,18 @@ from hypothesis import strategies as st
 from tests.helpers.trials import THOROUGH, few
 
 from trailmark import se2
-from trailmark.errors import ConfigurationError, OutputError
+from trailmark.errors import ConfigurationError, OutputError, WorldError
 from trailmark.formats.any_path import read_any_path
-from trailmark.formats.files import check_writable
 from trailmark.formats.path_files import (
     HEADER,
     SUFFIXES,
-    geojson_feature,
-    geojson_text,
     message_text,
     path_message,
     path_text,
     trajectory_message,
     write_path,
     write_trajectory,
+    write_tum,
 )
 from trailmark.trajectories.path import Path
 
@@ -36,6 +34,7 @@ number = st.floats(-1e9, 1e9)
 states = st.lists(st.tuples(number, number, st.floats(-math.pi, math.pi, exclude_min=True)), min_size=1, max_size=9)
 MESSAGES = (".yaml", ".yml", ".nav2.json")
 ROWS = [[0.1, -2.0, 0.0], [1e-7, 3.5, math.pi]]
+TRAJECTORY = Path(np.array([[1.0, 3.0, 0.0], [7.0, 3.0, 1.0], [7.0, 5.0, 1.0]])).timed(1.0, 0.7, 1.0)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -73,44 +72,30 @@ def test_json_without_a_record_measures_the_path(tmp_path: FilePath) -> None:
     assert data == {"states": [[0, 0, 0], [3, 4, 1]], "cost": 5.5, "length": 5.0, "rotation": 1.0}
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, object(), {1, 2}])
-def test_what_json_cannot_hold(tmp_path: FilePath, value: object) -> None:
-    with pytest.raises(OutputError, match="the record holds what JSON cannot"):
-        write_path(tmp_path / "a.json", ROWS, {"cost": value})
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("rows", [[], [[1, 2]], [[1, 2, math.nan]]])
-def test_bad_states_are_not_written(tmp_path: FilePath, rows: list[Any]) -> None:
-    with pytest.raises(ConfigurationError):
-        write_path(tmp_path / "a.csv", rows)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("name", "problem"),
-    [
+def test_what_cannot_be_written_is_refused_and_leaves_nothing(tmp_path: FilePath) -> None:
+    (tmp_path / "folder.csv").mkdir()
+    for value in (math.nan, math.inf, object(), {1, 2}):
+        with pytest.raises(OutputError, match="the record holds what JSON cannot"):
+            write_path(tmp_path / "a.json", ROWS, {"cost": value})
+    for rows in ([], [[1, 2]], [[1, 2, math.nan]]):
+        with pytest.raises(ConfigurationError):
+            write_path(tmp_path / "a.csv", rows)
+    for name, problem in (
         ("a.cvs", r"suffix: expected \.csv, .*\.txt, \.yaml, \.yml, got '\.cvs' \(did you mean '\.csv'\?\)"),
         ("a", r"expected \.csv, \.geojson, \.json, .*, got ''"),
         ("none/a.csv", "the directory .* does not exist"),
         ("folder.csv", "is a directory; expected a file"),
-    ],
-)
-def test_unwritable_paths_are_found_before_planning(tmp_path: FilePath, name: str, problem: str) -> None:
-    (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(OutputError, match=problem):
-        check_writable(tmp_path / name, SUFFIXES)
-    with pytest.raises(OutputError):
-        write_path(tmp_path / name, ROWS)
+    ):
+        with pytest.raises(OutputError, match=problem):
+            write_path(tmp_path / name, ROWS)
+    t, q, dq = TRAJECTORY.t, TRAJECTORY.q, TRAJECTORY.dq
+    with pytest.raises(OutputError, match="suffix"):
+        write_trajectory(tmp_path / "drive.txt", t, q, dq)
+    with pytest.raises(ConfigurationError, match=r"expected shapes \(n,\), \(n, 3\) and \(n, 3\), got"):
+        write_trajectory(tmp_path / "drive.csv", t[1:], q, dq)
+    with pytest.raises(WorldError, match="trajectory"):
+        write_tum(tmp_path / "a.tum", np.zeros((2, 3)))
     assert [p.name for p in tmp_path.iterdir()] == ["folder.csv"]
-
-
-def test_writable_paths_are_left_untouched(tmp_path: FilePath) -> None:
-    (tmp_path / "b.csv").write_text("old")
-    check_writable(tmp_path / "a.json", SUFFIXES)
-    check_writable(tmp_path / "b.csv", SUFFIXES)
-    assert (tmp_path / "b.csv").read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["b.csv"]
 
 
 def test_published_rows(shared_data: FilePath) -> None:
@@ -129,17 +114,6 @@ def test_a_path_is_a_line_with_headings() -> None:
     assert line["properties"]["theta"] == STATES[:, 2].tolist()
     assert line["properties"]["frame"] == "odom"
     assert line["properties"]["cost"] == path.cost
-
-
-def test_a_line_has_two_positions_or_more() -> None:
-    (line,) = json.loads(path_text(Path(STATES[:1]), "map"))["features"]
-    assert line["geometry"]["coordinates"] == [[0.1, -2.0]] * 2
-
-
-def test_features_stand_on_lines_of_their_own() -> None:
-    text = geojson_text([geojson_feature({"id": i}, "Point", [i, 0.5]) for i in range(3)])
-    assert text.count("\n") == 5
-    assert [item["properties"]["id"] for item in json.loads(text)["features"]] == [0, 1, 2]
 
 
 STATES_NAV2_MESSAGES = np.array([[1e-5, -2.0, 0.0], [1e17, 3.5, math.pi], [0.1, 1e-300, -1.25]])
@@ -201,9 +175,6 @@ def test_messages_have_the_fields_of_ros() -> None:
     assert list(message["poses"][0]["pose"]["orientation"]) == fields("geometry_msgs/msg/Quaternion")
 
 
-TRAJECTORY = Path(np.array([[1.0, 3.0, 0.0], [7.0, 3.0, 1.0], [7.0, 5.0, 1.0]])).timed(1.0, 0.7, 1.0)
-
-
 def test_rows_are_the_arrays(tmp_path: FilePath) -> None:
     file = tmp_path / "drive.csv"
     write_trajectory(file, TRAJECTORY.t, TRAJECTORY.q, TRAJECTORY.dq)
@@ -222,12 +193,13 @@ def test_nav2s_message_has_a_point_a_row(tmp_path: FilePath, name: str) -> None:
     assert message["points"][-1]["pose"]["position"]["y"] == 5.0
 
 
-def test_what_cannot_be_written_is_refused(tmp_path: FilePath) -> None:
-    t, q, dq = TRAJECTORY.t, TRAJECTORY.q, TRAJECTORY.dq
-    with pytest.raises(OutputError, match="suffix"):
-        write_trajectory(tmp_path / "drive.txt", t, q, dq)
-    with pytest.raises(ConfigurationError, match=r"expected shapes \(n,\), \(n, 3\) and \(n, 3\), got"):
-        write_trajectory(tmp_path / "drive.csv", t[1:], q, dq)
-    with pytest.raises(OutputError):
-        write_trajectory(tmp_path / "nowhere" / "drive.csv", t, q, dq)
-    assert list(tmp_path.iterdir()) == []
+def test_tum_rows_are_time_place_and_quaternion(tmp_path: FilePath) -> None:
+    trajectory = np.array(
+        [[1134863807.658747, 1.0, -2.0, 0.3], [1134863808.0, 1.5, -2.0, -math.pi / 2], [2e9, 0.0, 0.0, math.pi]]
+    )
+    write_tum(tmp_path / "a.tum", trajectory)
+    rows = np.loadtxt(tmp_path / "a.tum")
+    assert rows.shape == (3, 8)
+    assert (rows[:, :3] == trajectory[:, :3]).all()
+    assert (rows[:, 3:6] == 0.0).all()
+    assert np.allclose(2.0 * np.arctan2(rows[:, 6], rows[:, 7]), trajectory[:, 3])

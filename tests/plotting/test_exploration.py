@@ -22,14 +22,14 @@ GREY, WHITE, DARK = (201, 204, 210), (255, 255, 255), (63, 66, 73)
 def test_the_picture_shows_the_cells_and_each_landmark() -> None:
     result = made_exploration()
     axes = Figure().add_subplot()
-    entries = draw_exploration(axes, result)
+    draw_exploration(axes, result)
     (image,) = axes.images
     cells = np.asarray(image.get_array())
     for state, colour in ((UNKNOWN, GREY), (FREE, WHITE), (OCCUPIED, DARK)):
         assert np.array_equal((cells == colour).all(axis=2), result.known.state == state)
     assert image.get_extent() == pytest.approx([0.0, 8.0, 0.0, 5.0])
     assert [text.get_text() for text in axes.texts if text.get_text()] == ["1", "2", "3", "4"]
-    assert {"occupied", "free", "unknown"} <= set(entries)
+    assert {"occupied", "free", "unknown", "start", "end"} <= set(axes.get_legend_handles_labels()[1])
 
 
 @pytest.mark.slow

@@ -12,13 +12,12 @@ from PIL import Image
 from tests.support.pictures import colours_of, is_colour
 
 from trailmark.collision import StateChecker
-from trailmark.errors import OutputError
 from trailmark.landmarks.executions import Execution, execute_paper, execute_se2
 from trailmark.plotting import landmarks, save_landmarks_figure
 from trailmark.plotting.canvas import write
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.shown import GOAL, LANDMARK, PATH, START
+from trailmark.shown import GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
 from trailmark.trajectories.path import Path
 from trailmark.world import Query, Robot, World
 
@@ -61,17 +60,9 @@ def test_the_whole_figure(whole: tuple[FilePath, list[str]]) -> None:
     with Image.open(whole[0]) as picture:
         assert min(picture.size) > 600
     rgb, counts = colours_of(whole[0])
-    for colour in (landmarks.BLACK, landmarks.GREY, landmarks.VALID, landmarks.FORBIDDEN, START, GOAL, PATH, LANDMARK):
+    for colour in (OBSTACLE, MARGIN, landmarks.VALID, landmarks.FORBIDDEN, START, GOAL, PATH, LANDMARK):
         assert counts[is_colour(rgb, colour)].sum() > 50, colour
     assert 0.3 < counts[is_colour(rgb, "white")].sum() / counts.sum() < 0.95
-
-
-@pytest.mark.slow
-def test_the_same_input_gives_the_same_bytes(executions: list[Execution], tmp_path: FilePath) -> None:
-    files = [tmp_path / "a.svg", tmp_path / "b.svg"]
-    for file in files:
-        save_landmarks_figure(file, ROOM, ROBOT, executions[:1])
-    assert files[0].read_bytes() == files[1].read_bytes()
 
 
 def titles(monkeypatch: pytest.MonkeyPatch, *arguments: Any, file: FilePath | None = None) -> list[str]:
@@ -110,9 +101,3 @@ def test_a_world_without_queries_and_trailmarks_own_landmarks(monkeypatch: pytes
         *("workspace", "C-space: grown by rectangle 1 x 0.5 m", "initial execution: 300 points"),
         *(f"execution 1: {found.forbidden.sum()} forbidden, {(~found.forbidden).sum()} valid", "landmarks, k = 1"),
     ]
-
-
-@pytest.mark.slow
-def test_other_suffixes_are_refused(executions: list[Execution], tmp_path: FilePath) -> None:
-    with pytest.raises(OutputError, match=r"/room\.gif: suffix: expected \.png, \.svg, \.pdf, got"):
-        save_landmarks_figure(tmp_path / "room.gif", ROOM, ROBOT, executions)

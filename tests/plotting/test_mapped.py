@@ -33,7 +33,8 @@ def mapped(scans: bool = False, confidence: float | None = None) -> MappedLog:
 
 def drawn(result: MappedLog) -> tuple[Any, list[str]]:
     axes = Figure(figsize=(6.0, 4.0)).add_subplot()
-    return axes, [label for _, label in draw_map(axes, result)]
+    draw_map(axes, result)
+    return axes, axes.get_legend_handles_labels()[1]
 
 
 def ellipses(axes: Any) -> Any:

@@ -12,7 +12,7 @@ import pytest
 import shapely
 import yaml
 from PIL import Image
-from tests.cli.test_map_bags import write_bag
+from tests.cli.logs import write_bag
 from tests.ros.support import (
     CORNERS,
     SQUARE,

@@ -53,7 +53,8 @@ class Command(TyperCommand):
                 kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
                 # Newer typer adds the type.
                 name = shown[0].partition(" <")[0] if kind == "Arguments" else shown[0]
-                groups.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append((name, shown[1]))
+                text = shown[1].replace("[default: inf]", "[default: no limit]")
+                groups.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append((name, text))
         for group, rows in groups.items():
             if rows:
                 with formatter.section(group):
@@ -219,7 +220,7 @@ def _usage(error: Any, words: Sequence[str]) -> str:
         name = error.param.metavar if error.param.param_type_name == "argument" else max(error.param.opts, key=len)
         return f"{name}: {error.message}"
     path, command = "trailmark", typer.main.get_command(app)
-    commands: dict[str, Any] = getattr(command, "commands", {})
+    commands: dict[str, Any] = {}
     for word in words:
         commands = getattr(command, "commands", {})
         if word not in commands:
@@ -229,5 +230,5 @@ def _usage(error: Any, words: Sequence[str]) -> str:
         command, path = commands[word], f"{path} {word}"
     problem = error.format_message().rstrip(".")
     if problem == "Missing command":
-        return f"expected a command: {', '.join(commands)}, got nothing"
+        return f"expected a command: {', '.join(getattr(command, 'commands', {}))}, got nothing"
     return problem if " expected " in f" {problem}" else f"{problem} (see '{path} --help')"

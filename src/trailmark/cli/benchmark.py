@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -29,14 +29,10 @@ Public = tuple["PublicSuite", Path]
 """A public suite and the folder with its files."""
 
 
-@dataclass(frozen=True)
-class ResolutionKind(options.Kind):
-    """The spacing of the states that OMPL's discrete validation checks."""
+def _resolution(text: str) -> Resolution:
+    from trailmark.benchmark.planners import Resolution
 
-    def _read(self, text: str) -> Resolution:
-        from trailmark.benchmark.planners import Resolution
-
-        return Resolution.parse(text)
+    return Resolution.parse(text)
 
 
 def benchmark(
@@ -95,7 +91,7 @@ def benchmark(
     resolution: Annotated[
         Any,
         option(
-            ResolutionKind("METRES|PERCENT%"),
+            options.Kind("METRES|PERCENT%", read=_resolution),
             "Spacing of the states that OMPL's discrete motion validation checks, in metres or as a share of the "
             "robot's inscribed radius; default: 10%, native planners 5%.",
             group="Robot",

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from trailmark.formats.any_path import PathFile
     from trailmark.trajectories import Path as RobotPath
     from trailmark.verify import PathAudit, PathAuditor
+    from trailmark.verify.auditor import Collision
     from trailmark.world import Robot
 
 __all__ = ["check"]
@@ -82,27 +83,26 @@ def check(
         # What another drive does may cost less than this robot's bound.
         lower_bound = None if audit.undrivable else _lower_bound(auditor, audit)
         record = audit.to_dict(loaded.name) | {"lower_bound": lower_bound}
-        written, fixed, final = [], None, audit
+        fixed, final = None, audit
         if repair is not None:
             progress.stage("repairing")
             fixed, problem = _repaired(auditor, audit, seed, time_limit)
             if fixed is None:
                 console.not_written(repair, problem)
+                repair = None
             else:
                 write_path(repair, fixed)
-                written.append(repair)
                 final = auditor.audit(fixed)
         if plot is not None:
             from trailmark.plotting import save_audit_figure
 
             progress.stage("drawing")
             save_audit_figure(plot, loaded, body, audit, fixed)
-            written.append(plot)
 
     if as_json:
         console.say(console.json_text(record))
     else:
-        _print_summary(record, audit, body, written)
+        _print_summary(record, audit, body, [repair, plot])
     raise typer.Exit(0 if final.free and not final.undrivable else WRONG)
 
 
@@ -172,43 +172,39 @@ def _repaired(auditor: PathAuditor, audit: PathAudit, seed: int, limit: float) -
     return path, f"no way past a collision was found within {limit:g} s for each part (--time-limit)"
 
 
-def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, written: list[Path]) -> None:
-    undrivable = audit.undrivable or ()
+def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, written: list[Path | None]) -> None:
+    undrivable, bound = audit.undrivable or (), record["lower_bound"]
     verdict = "free" if audit.free else "the path collides"
     if undrivable:
         verdict += ", but not drivable" if audit.free else ", and is not drivable"
-    colour = "green" if audit.free and not undrivable else "red"
-    console.say(f"{record['world']}: {verdict}", fg=colour, bold=True)
-    rows = []
-    for hit in audit.collisions[:SHOWN]:
-        name = str(hit.obstacle)
-        if name not in ("bounds", "boundary") and not name.startswith(("keep-out zone ", "one-way zone ")):
-            name = f"obstacle {name}"
-        rows.append(("collision", f"{hit.begin:.4f} to {hit.end:.4f} m along: {name}, {hit.depth:.4g} m deep"))
-    if len(audit.collisions) > SHOWN:
-        rows.append(("", f"and {len(audit.collisions) - SHOWN:,} more"))
-    for motion in undrivable[:SHOWN]:
-        place = f"motion {motion.motion}, {motion.begin:.4f} to {motion.end:.4f} m along"
-        rows.append(("undrivable", f"{place}: {motion.why}"))
-    if len(undrivable) > SHOWN:
-        rows.append(("", f"and {len(undrivable) - SHOWN:,} more"))
+    facts = [("collision", _collision(hit)) for hit in audit.collisions[:SHOWN]]
+    facts += [("", f"and {len(audit.collisions) - SHOWN:,} more")] * (len(audit.collisions) > SHOWN)
+    for m in undrivable[:SHOWN]:
+        facts.append(("undrivable", f"motion {m.motion}, {m.begin:.4f} to {m.end:.4f} m along: {m.why}"))
+    facts += [("", f"and {len(undrivable) - SHOWN:,} more")] * (len(undrivable) > SHOWN)
     if audit.free:
-        rows.append(("clearance", f"minimum {audit.min_clearance:.6f} m, {audit.min_clearance_at:.4f} m along"))
-    bound = record["lower_bound"]
+        facts.append(("clearance", f"minimum {audit.min_clearance:.6f} m, {audit.min_clearance_at:.4f} m along"))
     # A polygon through states on a car's curve is shorter than that.
     above = bool(bound) and audit.free and audit.cost >= bound
     gap = f" ({100.0 * (audit.cost / bound - 1.0):.1f} % above the lower bound {bound:.4f})" if above else ""
-    rows += [
+    facts += [
         ("cost", f"{audit.cost:.4f}{gap}"),
         ("length", f"{audit.length:.4f} m"),
         ("rotation", f"{audit.rotation:.4f} rad ({math.degrees(audit.rotation):.0f}°)"),
         ("curvature", _curvature(audit.max_curvature, robot.turning_radius)),
-        *(("written", str(file)) for file in written),
     ]
     if audit.direction_changes is not None:
         reverse = f"{audit.reverse_length:.4f} m in reverse"
-        rows.append(("driving", f"{audit.direction_changes} changes of direction, {reverse}"))
-    console.print_table(rows, indent="  ")
+        facts.append(("driving", f"{audit.direction_changes} changes of direction, {reverse}"))
+    colour = "green" if audit.free and not undrivable else "red"
+    console.show(f"{record['world']}: {verdict}", facts, written, colour)
+
+
+def _collision(hit: Collision) -> str:
+    name = str(hit.obstacle)
+    if name not in ("bounds", "boundary") and not name.startswith(("keep-out zone ", "one-way zone ")):
+        name = f"obstacle {name}"
+    return f"{hit.begin:.4f} to {hit.end:.4f} m along: {name}, {hit.depth:.4g} m deep"
 
 
 def _curvature(largest: float, radius: float | None) -> str:

@@ -27,7 +27,9 @@ __all__ = [
     "print_table",
     "progress",
     "say",
+    "show",
     "silence_stdout",
+    "tell",
     "warn",
 ]
 
@@ -54,9 +56,20 @@ def print_table(rows: Sequence[Sequence[str]], indent: str = "") -> None:
         say((indent + "  ".join(cells)).rstrip())
 
 
+def show(title: str, facts: Sequence[tuple[str, str]], written: Sequence[Path | None] = (), colour: str = "") -> None:
+    """Print a result: a title, facts by their names, and the files that were written."""
+    say(title, bold=True, **({"fg": colour} if colour else {}))
+    print_table([*facts, *(("written", str(file)) for file in written if file is not None)], indent="  ")
+
+
 def plural(n: int, noun: str) -> str:
     """Return a count with its noun."""
     return f"{n:,} {noun}{'' if n == 1 else 's'}"
+
+
+def tell(text: str) -> None:
+    """Print a message as one line on stderr, terminal or not."""
+    typer.echo(_one_line(f"trailmark: {text}"), err=True)
 
 
 def note(text: str) -> None:
@@ -66,9 +79,8 @@ def note(text: str) -> None:
 
 
 def not_written(file: Path, reason: str) -> None:
-    """Say on stderr, terminal or not, that a file is not written, and that an older one is kept."""
-    old = "; the older file is kept" if file.exists() else ""
-    typer.echo(_one_line(f"trailmark: {file}: not written: {reason}{old}"), err=True)
+    """Tell that a file is not written, and that an older one is kept."""
+    tell(f"{file}: not written: {reason}" + ("; the older file is kept" if file.exists() else ""))
 
 
 def fail(problem: str) -> None:
@@ -106,7 +118,6 @@ class Progress:
         unit: what the pieces are, such as `` records``.
     """
 
-    done: tuple[int, int] | None = None
     unit = ""
 
     def __init__(self, phase: str) -> None:
@@ -115,26 +126,23 @@ class Progress:
 
     def stage(self, phase: str, limit: float | None = None) -> None:
         """Begin another piece of work, whose clock starts at zero and may run to ``limit`` seconds."""
-        self.phase, self.done = phase, None
+        self.phase = phase
+        self.done: tuple[int, int] | None = None
         self.details: Sequence[str] = ()
-        self._limit = limit
+        self._limit = "" if limit is None else f" of {limit:g}"
         self._stage_begun = time.perf_counter()
 
     def render(self) -> str:
         """Return the display's line; empty while the command is still young."""
-        now = time.perf_counter()
+        now, bar = time.perf_counter(), []
         if now - self._begun < _PATIENCE:
             return ""
-        clock = f"{now - self._stage_begun:.1f}"
-        clock += " s" if self._limit is None else f" of {self._limit:g} s"
-        return " · ".join([*self._bar(), self.phase, clock, *self.details])
-
-    def _bar(self) -> list[str]:
-        if self.done is None:
-            return []
-        done, pieces = self.done
-        full = _BAR * done // max(1, pieces)
-        return [f"{'━' * full}{'╌' * (_BAR - full)} {done:,} of {pieces:,}{self.unit}"]
+        if self.done is not None:
+            done, pieces = self.done
+            full = _BAR * done // max(1, pieces)
+            bar = [f"{'━' * full}{'╌' * (_BAR - full)} {done:,} of {pieces:,}{self.unit}"]
+        clock = f"{now - self._stage_begun:.1f}{self._limit} s"
+        return " · ".join([*bar, self.phase, clock, *self.details])
 
 
 @contextmanager

@@ -100,7 +100,7 @@ def landmarks(
     if as_json:
         console.say(console.json_text(record))
     else:
-        _print_table(record, plot)
+        _print_summary(record, plot)
 
 
 def _count_for(
@@ -138,19 +138,15 @@ def _record(world: World, robot: Robot, executions: list[Execution], spread: Spr
         for run, execution in enumerate(executions)
     ]
     share = 1.0 - sum(row["forbidden"] for row in rows) / sum(len(e.samples) for e in executions)
-    counts = [len(execution.centres) for execution in executions]
+    most = max(len(execution.centres) for execution in executions)
     pairs = [{"runs": pair, "rms": rms} for pair, rms in zip(spread.pairs.tolist(), spread.rms.tolist(), strict=True)]
+    spacing = math.sqrt(share * (xmax - xmin) * (ymax - ymin) / most)
     return {
         "world": world.name,
         "robot": robot.describe(),
         "rectangle": list(world.bounds),
         "runs": rows,
-        "spread": {
-            "pairs": pairs,
-            "mean": spread.mean,
-            "worst": spread.worst,
-            "spacing": math.sqrt(share * (xmax - xmin) * (ymax - ymin) / max(counts)),
-        },
+        "spread": {"pairs": pairs, "mean": spread.mean, "worst": spread.worst, "spacing": spacing},
     }
 
 
@@ -171,10 +167,9 @@ def _paths(
     return found
 
 
-def _print_table(record: dict[str, Any], picture: Path | None) -> None:
-    console.say(
-        f"{record['world']} · {record['method']}: {record['k']:,} landmarks from {record['n']:,} points", bold=True
-    )
+def _print_summary(record: dict[str, Any], picture: Path | None) -> None:
+    title = f"{record['world']} · {record['method']}: {record['k']:,} landmarks from {record['n']:,} points"
+    console.say(title, bold=True)
     rows = [["RUN", "FORBIDDEN", "VALID", "INERTIA", "ITERATIONS", "IN OBSTACLE", "INVALID", "REPAIRED", "TIME"]]
     for run in record["runs"]:
         iterations = "-" if run["iterations"] is None else f"{run['iterations']:,}"
@@ -184,18 +179,16 @@ def _print_table(record: dict[str, Any], picture: Path | None) -> None:
         rows.append([*sampled, iterations, *centres, f"{1e3 * run['time']:.1f} ms"])
     console.print_table(rows, indent="  ")
     spread = record["spread"]
-    facts = [
-        ("spread", f"{spread['mean']:.2f} m RMS between runs, at most {spread['worst']:.2f} m (centres matched)"),
+    mean = f"{spread['mean']:.2f} m RMS between runs, at most {spread['worst']:.2f} m (centres matched)"
+    facts = [("spread", mean)] if len(record["runs"]) > 1 else []
+    facts += [
         ("spacing", f"{spread['spacing']:.2f} m, the side of a square as large as a landmark's share of free space"),
         ("robot", record["robot"]),
         ("seed", str(record["seed"])),
     ]
-    if len(record["runs"]) < 2:
-        facts = facts[1:]
     for path in record["paths"]:
         cost = path["cost"]
         answer = "the landmarks do not connect it" if cost is None else f"cost {cost:.4g} over the landmarks"
         facts.append((path["query"], answer))
-    if picture is not None:
-        facts.append(("written", str(picture)))
+    facts += [] if picture is None else [("written", str(picture))]
     console.print_table(facts, indent="  ")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Annotated
 from urllib.parse import quote
@@ -16,16 +15,14 @@ from trailmark.cli.options import Kind, UsageError, argument, flag, option
 __all__ = ["live"]
 
 
-@dataclass(frozen=True)
-class Token(Kind):
-    """A secret in an address."""
+def _token(text: str) -> str:
+    if not (text.isascii() and text.isprintable() and 8 <= len(text) <= 200):
+        raise ValueError
+    return text
 
-    allowed: str = "8 to 200 letters, digits and signs"
 
-    def _read(self, text: str) -> str:
-        if not (text.isascii() and text.isprintable() and 8 <= len(text) <= 200):
-            raise ValueError
-        return text
+TOKEN = Kind("TEXT", "8 to 200 letters, digits and signs", _token)
+"""A secret in an address."""
 
 
 def live(
@@ -36,7 +33,7 @@ def live(
     ] = "127.0.0.1",
     port: Annotated[int, option(options.Count(high=65535), "Port to listen on; 0 picks a free one.")] = 8765,
     token: Annotated[
-        str | None, option(Token(), "Secret that the browser must send; part of the printed address.")
+        str | None, option(TOKEN, "Secret that the browser must send; part of the printed address.")
     ] = None,
     no_browser: Annotated[bool, flag("--no-browser", "Print the address without opening a browser.")] = False,
     seed: options.SeedOption = 0,

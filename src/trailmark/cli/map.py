@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trailmark.cli import console, options
-from trailmark.cli.map_settings import read_map_settings
 from trailmark.cli.options import JsonOption, OutputFile, PlotOption, Pose, RobotSpec, UsageError, flag, option
 
 if TYPE_CHECKING:
     from trailmark.estimation.mapped_log import MappedLog
-    from trailmark.estimation.records import Log
 
 __all__ = ["map_log"]
 
@@ -22,6 +20,14 @@ ROBOT: Any = "disc:0.2"
 
 NOT_CERTIFIED = 3
 """Exit status: --confidence for a map whose estimates are not to be relied on."""
+
+LOG_SETTINGS = ("corrected", "scan_topic", "odometry_topic")
+"""What a settings file may say under ``log``, for :func:`trailmark.estimation.load_log`."""
+
+FRAMES = {
+    "start": "relative to the start: errors of where the map lies count",
+    "map": "relative to the map itself: for a robot that localises on it",
+}
 
 
 def map_log(
@@ -87,158 +93,126 @@ def map_log(
         ),
     ] = None,
     settings: Annotated[
-        str | None,
-        option(options.Kind("FILE.yaml"), "Noise, association, radius, cells, …: lines 'name: value' of MapSettings."),
+        Path | None,
+        option(options.SETTINGS, "Noise, association, radius, cells, …: lines 'name: value' of MapSettings."),
     ] = None,
 ) -> None:
     """Turn a sensor log into a world: what was detected becomes discs, what lasers scanned walls, discs and heaps.
 
     The obstacles keep their covariances. The file goes straight into 'trailmark plan'.
     """
-    image = None if nav2 is None else options.OutputFile(".pgm")(str(nav2.with_suffix(".pgm")), "--nav2")
+    image = None if nav2 is None else OutputFile(".pgm")(str(nav2.with_suffix(".pgm")), "--nav2")
+    outputs = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2}
 
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
         from trailmark.estimation.errors import NotCertifiedError
+        from trailmark.estimation.map_settings import MapSettings
         from trailmark.estimation.mapping import map_log as map_records
         from trailmark.estimation.readers import load_log, log_files
         from trailmark.formats.nav2_map import save_nav2_map
         from trailmark.formats.path_files import write_tum
+        from trailmark.formats.settings_yaml import read_settings
 
-        inputs = (*log_files(log), *robot.files, *(() if settings is None else (Path(settings),)))
-        options.protect_inputs(inputs, output, plot, trajectory, nav2, image)
-        chosen, reading = read_map_settings(settings)
+        inputs = (*log_files(log), *robot.files, *(() if settings is None else (settings,)))
+        options.protect_inputs(inputs, *outputs.values(), image)
+        chosen, more = MapSettings(), dict[str, Any]()
+        if settings is not None:
+            chosen, more = read_settings(settings, chosen, {"log": LOG_SETTINGS})
         given: dict[str, Any] = {"poses": poses, "start": start, "frame": frame}
         chosen = replace(chosen, **{name: value for name, value in given.items() if value is not None})
         if chosen.robot_sigma is not None and confidence is None:
             raise UsageError("settings: robot_sigma given without --confidence, allowed: both")
-        read = load_log(log, form, skip_bad, **reading)
-        progress.stage("mapping")
+        read = load_log(log, form, skip_bad, **more.get("log", {}))
 
         def follow(what: str, done: int, total: int) -> None:
             progress.done, progress.unit = (done, total), f" {what}"
 
-        refused = None
+        progress.stage("mapping")
         try:
-            mapped = map_records(
-                read,
-                chosen,
-                robot=robot.robot,
-                confidence=confidence,
-                even_if_uncertain=even_if_uncertain,
-                on_progress=follow,
-            )
+            asked: Any = {"robot": robot.robot, "confidence": confidence, "even_if_uncertain": even_if_uncertain}
+            mapped = map_records(read, chosen, on_progress=follow, **asked)
         except NotCertifiedError as error:
-            refused = str(error)
+            for file in filter(None, outputs.values()):
+                console.not_written(file, f"{error}; --even-if-uncertain grows the obstacles all the same")
+            raise typer.Exit(NOT_CERTIFIED) from None
         except TrailmarkError as error:
             raise FormatError(log, str(error)) from None
-        if refused is not None:
-            console.not_written(output, f"{refused}; --even-if-uncertain grows the obstacles all the same")
-            raise typer.Exit(NOT_CERTIFIED)
         progress.stage("writing")
-        written = [output]
         if plot is not None:
             from trailmark.plotting.mapped import save_map_figure
 
-            progress.stage("drawing")
             save_map_figure(plot, mapped)
-            written.append(plot)
         mapped.world.save(output)
         if trajectory is not None:
             write_tum(trajectory, mapped.trajectory)
-            written.append(trajectory)
         if nav2 is not None:
             side = chosen.mapping.cell_side(read.cell) if mapped.scans is None else mapped.scans.grid.cell
-            written += save_nav2_map(mapped.world, nav2, side)
+            save_nav2_map(mapped.world, nav2, side)
 
     if read.dropped:
-        typer.echo(f"trailmark: {console.plural(read.dropped, 'bad record')} left out of {log}", err=True)
+        console.tell(f"{console.plural(read.dropped, 'bad record')} left out of {log}")
     for warning in mapped.warnings:
         console.warn(warning)
     if as_json:
-        named = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2}
-        files = {name: None if file is None else str(file) for name, file in named.items()}
+        files = {name: None if file is None else str(file) for name, file in outputs.items()}
         record = {"log": log, **mapped.figures(), "robot": robot.robot.describe(), "written": files}
         console.say(console.json_text(record))
     else:
-        _print_summary(mapped, read, skip_bad, written)
+        _print_summary(mapped, mapped.figures(), [output, plot, trajectory, nav2, image])
 
 
-_FRAMES = {
-    "start": "relative to the start: errors of where the map lies count",
-    "map": "relative to the map itself: for a robot that localises on it",
-}
-
-
-def _print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Path]) -> None:
+def _print_summary(mapped: MappedLog, found: dict[str, Any], written: list[Path | None]) -> None:
     """Print the map's figures as a table."""
-    found = mapped.figures()
-    obstacles, features, nis = found["obstacles"], found["features"], found["nis"]
-    kinds = [f"{obstacles[name]:,} {name}" for name in ("discs", "walls", "heaps", "unknown") if obstacles[name]]
-    console.say(f"{found['name']}: {console.plural(obstacles['all'], 'obstacle')}", fg="green", bold=True)
-    records = [f"{n:,} {name}" for name, n in found["records"].items() if n and name != "all"]
-    left_out = f"; {console.plural(log.dropped, 'bad record')} left out" if skip_bad else ""
-    confirmed = f"{features['confirmed']:,} confirmed, {features['dropped']:,} dropped"
-    confirmed += f", {features['tentative']:,} tentative" if features["tentative"] else ""
-    rows = [
-        ("records", f"{found['records']['all']:,} ({', '.join(records)}){left_out}"),
+    obstacles, features, nis, batch, seconds = (found[x] for x in ("obstacles", "features", "nis", "batch", "time"))
+    risk, dropped = found["risk"], found["dropped"]
+    records = _counted(found["records"], *(name for name in found["records"] if name != "all"))
+    left_out = f"; {console.plural(dropped, 'bad record')} left out" if dropped else ""
+    tentative = f", {features['tentative']:,} tentative" if features["tentative"] else ""
+    facts = [
+        ("records", f"{found['records']['all']:,} ({records}){left_out}"),
         ("poses", _poses_text(mapped, found)),
-        ("features", confirmed),
+        ("features", f"{features['confirmed']:,} confirmed, {features['dropped']:,} dropped{tentative}"),
     ]
     if nis is not None:
         where = "in" if nis["inside"] else "below" if nis["mean"] < nis["low"] else "above"
         band = f"expected {nis['expected']:.3f}, {where} its 95 % χ² band {nis['low']:.3f}..{nis['high']:.3f}"
-        rows.append(("NIS", f"{nis['mean']:.3f} over {console.plural(nis['updates'], 'update')} ({band})"))
-    if found["batch"] is not None:
-        rows.append(("batch", _batch_text(found["batch"])))
-    seconds = found["time"]
+        facts.append(("NIS", f"{nis['mean']:.3f} over {console.plural(nis['updates'], 'update')} ({band})"))
+    if batch is not None:
+        noise = "estimated from the log" if batch["fitted"] else "as stated"
+        facts.append(("batch", f"all poses smoothed over {batch['readings']:,} readings; noise {noise}"))
     each = "-" if seconds["per_update"] is None else f"{1e3 * seconds['per_update']:.3g} ms"
-    rows += [
+    facts += [
         ("time", f"{each} per {'update' if mapped.scans is None else 'scan'}, {seconds['total']:.2f} s in all"),
-        ("obstacles", ", ".join(kinds)),
+        ("obstacles", _counted(obstacles, "discs", "walls", "heaps", "unknown")),
         ("bounds", " ".join(f"{value:g}" for value in found["bounds"])),
         ("queries", ", ".join(found["queries"]) or "none"),
-        ("risk", _risk_text(found)),
-        *((("covariances", _FRAMES[obstacles["frame"]]),) if "frame" in obstacles else ()),
-        *([] if found["not_certified"] is None else [("not certified", found["not_certified"])]),
-        *(("note", note) for note in found["notes"]),
-        *(("written", str(file)) for file in written),
+        (
+            "risk",
+            "none stated: the obstacles stand as they were measured (--confidence grows them)"
+            if risk is None
+            else f"a valid path meets an obstacle with probability {risk['collision_at_most']:.4g} at most",
+        ),
     ]
-    console.print_table(rows, indent="  ")
+    facts += [("covariances", FRAMES[obstacles["frame"]])] if "frame" in obstacles else []
+    facts += [("not certified", found["not_certified"])] if found["not_certified"] else []
+    facts += [("note", text) for text in found["notes"]]
+    console.show(f"{found['name']}: {console.plural(obstacles['all'], 'obstacle')}", facts, written, "green")
+
+
+def _counted(counts: dict[str, Any], *names: str) -> str:
+    """Return those counts that are not zero, with their names."""
+    return ", ".join(f"{counts[name]:,} {name.replace('_', ' ')}" for name in names if counts.get(name))
 
 
 def _poses_text(mapped: MappedLog, found: dict[str, Any]) -> str:
-    way = found["trajectory"]
-    matching = found["matching"] or {}
+    matching = {"nodes": 0, "closures": 0, "rejected": 0, **(found["matching"] or {})}
     source = {
-        "match": "{nodes:,} scans matched, {closures:,} loop closures, {rejected:,} rejected".format_map(
-            {"nodes": 0, "closures": 0, "rejected": 0, **matching}
-        ),
+        "match": "{nodes:,} scans matched, {closures:,} loop closures, {rejected:,} rejected".format_map(matching),
         "slam": f"EKF-SLAM, association {mapped.association}",
         "log": "as the log states them",
         "odometry": "odometry alone",
     }[mapped.poses]
-    counts = found["counts"] or {}
-    named = ("outliers", "repeated", "ambiguous", "unidentified", "cut_short")
-    ignored = [f"{counts[name]:,} {name.replace('_', ' ')}" for name in named if counts.get(name)]
-    return f"{source}; {way['length']:,.1f} m driven" + (f"; {', '.join(ignored)}" if ignored else "")
-
-
-def _batch_text(batch: dict[str, Any]) -> str:
-    """Return what the batch after the filter made of the stated noise, and the systematic errors that it found."""
-    text = f"all poses smoothed over {batch['readings']:,} readings"
-    if not batch["fitted"]:
-        return f"{text}; noise as stated"
-    odometry, ranges = batch["odometry"], batch["range"]
-    return (
-        f"{text}; noise estimated: odometry's distances times {odometry['distance']:.3f}, turns times "
-        f"{odometry['turn']:.3f}; ranges' error by the bearing's square "
-        f"{ranges['projection']:+.2f}, their scale known to {100 * batch['scale']['sigma']:.1f} %"
-    )
-
-
-def _risk_text(found: dict[str, Any]) -> str:
-    if found["risk"] is None:
-        return "none stated: the obstacles stand as they were measured (--confidence grows them)"
-    risk = found["risk"]
-    return f"a valid path meets an obstacle with probability {risk['collision_at_most']:.4g} at most"
+    names = ("outliers", "repeated", "ambiguous", "unidentified", "cut_short")
+    ignored = _counted(found["counts"] or {}, *names)
+    return f"{source}; {found['trajectory']['length']:,.1f} m driven" + (f"; {ignored}" if ignored else "")

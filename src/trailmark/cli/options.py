@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -27,21 +27,20 @@ class Kind:
     Attributes:
         metavar: what the help calls it.
         allowed: what follows "expected" in the message about any other text.
+        read: makes the value of a text; a ValueError says that the text is another one.
     """
 
     metavar: str = "TEXT"
     allowed: str = "text"
+    read: Callable[[str], Any] = str
     __name__ = "value"  # older typer asks for it
-
-    def _read(self, text: str) -> Any:
-        return text
 
     def __call__(self, given: Any, option: str | None = None) -> Any:
         """Return the value of a text, or a default as it is; ``option`` names it in messages, if typer does not."""
         if not isinstance(given, str):
             return given
         try:
-            return self._read(given)
+            return self.read(given)
         except TrailmarkError as error:
             problem = str(error)
         except ValueError:
@@ -49,78 +48,66 @@ class Kind:
         raise typer.BadParameter(problem) if option is None else UsageError(f"{option}: {problem}")
 
 
-@dataclass(frozen=True)
+def _held(holds: bool) -> None:
+    if not holds:
+        raise ValueError
+
+
 class Number(Kind):
     """A finite number above ``above`` and from ``low`` to ``high``."""
 
-    above: float = -math.inf
-    low: float = -math.inf
-    high: float = math.inf
+    def __init__(
+        self, metavar: str, allowed: str, above: float = -math.inf, low: float = -math.inf, high: float = math.inf
+    ) -> None:
+        def read(text: str) -> float:
+            value = float(text)
+            _held(math.isfinite(value) and value > above and low <= value <= high)
+            return value
 
-    def _read(self, text: str) -> float:
-        value = float(text)
-        if not (math.isfinite(value) and value > self.above and self.low <= value <= self.high):
-            raise ValueError
-        return value
+        super().__init__(metavar, allowed, read)
 
 
-@dataclass(frozen=True)
 class Count(Kind):
     """An integer from ``low`` to ``high``; by default the range of numpy's seeds."""
 
-    metavar: str = "N"
-    low: int = 0
-    high: int = 2**32 - 1
+    def __init__(self, metavar: str = "N", low: int = 0, high: int = 2**32 - 1) -> None:
+        def read(text: str) -> int:
+            _held(low <= (value := int(text)) <= high)
+            return value
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "allowed", f"an integer from {self.low} to {self.high}")
-
-    def _read(self, text: str) -> int:
-        if not self.low <= (value := int(text)) <= self.high:
-            raise ValueError
-        return value
+        super().__init__(metavar, f"an integer from {low} to {high}", read)
 
 
 class Choice(Kind):
     """One of several names."""
 
     def __init__(self, *names: str) -> None:
-        super().__init__("|".join(names), ", ".join(names))
+        def read(text: str) -> str:
+            if text not in names:
+                raise TrailmarkError(expected_name(text, names))
+            return text
 
-    def _read(self, text: str) -> str:
-        names = self.allowed.split(", ")
-        if text not in names:
-            raise TrailmarkError(expected_name(text, names))
-        return text
+        super().__init__("|".join(names), ", ".join(names), read)
 
 
 class OutputFile(Kind):
     """A file to be written, with one of some suffixes (any if there are none); it must be possible to write it."""
 
     def __init__(self, *suffixes: str, metavar: str = "FILE") -> None:
-        super().__init__(metavar, ", ".join(suffixes))
+        def read(text: str) -> Path:
+            from trailmark.formats.files import check_writable
 
-    def _read(self, text: str) -> Path:
-        from trailmark.formats.files import check_writable
+            check_writable(file := Path(text), suffixes)
+            return file
 
-        check_writable(file := Path(text), tuple(self.allowed.split(", ")) if self.allowed else ())
-        return file
+        super().__init__(metavar, ", ".join(suffixes), read)
 
 
 class InputFile(Kind):
     """A file to be read, which is looked at by what reads it."""
 
-    def _read(self, text: str) -> Path:
-        return Path(text)
-
-
-class FrameName(Kind):
-    """The name of a coordinate frame."""
-
-    def _read(self, text: str) -> str:
-        if not text or any(c.isspace() or not c.isprintable() for c in text):
-            raise ValueError
-        return text
+    def __init__(self, metavar: str = "FILE") -> None:
+        super().__init__(metavar, "a file", Path)
 
 
 class Pose(NamedTuple):
@@ -131,39 +118,11 @@ class Pose(NamedTuple):
     theta: float
 
 
-class PoseKind(Kind):
-    """``X,Y,T``; T in radians, or in degrees as in ``90deg``; it is warned of a number that looks like degrees."""
-
-    def _read(self, text: str) -> Pose | Position:
-        from trailmark.arguments import angle, warn_of_degrees
-
-        x, y, heading = text.split(",")
-        pose = Pose(float(x), float(y), angle(heading))
-        if not all(map(math.isfinite, pose)):
-            raise ValueError
-        if "deg" not in heading:
-            warn_of_degrees(pose.theta, repr(text))
-        turns = abs(pose.theta) > 2.0 * math.pi  # else it is warned of again where it is used
-        return pose._replace(theta=math.remainder(pose.theta, 2.0 * math.pi)) if turns else pose
-
-
 class Position(NamedTuple):
     """A place of the reference point, with any heading: metres."""
 
     x: float
     y: float
-
-
-class GoalKind(PoseKind):
-    """``X,Y,T``, or ``X,Y`` for any heading."""
-
-    def _read(self, text: str) -> Pose | Position:
-        if text.count(",") != 1:
-            return super()._read(text)
-        position = Position(*map(float, text.split(",")))
-        if not all(map(math.isfinite, position)):
-            raise ValueError
-        return position
 
 
 class Tolerance(NamedTuple):
@@ -173,43 +132,13 @@ class Tolerance(NamedTuple):
     heading: float = 0.0
 
 
-class ToleranceKind(Kind):
-    """``METRES[,RADIANS]``."""
-
-    def _read(self, text: str) -> Tolerance:
-        from trailmark.arguments import angle
-
-        metres, comma, heading = text.partition(",")
-        tolerance = Tolerance(float(metres), angle(heading) if comma else 0.0)
-        if not all(0.0 <= value < math.inf for value in tolerance):
-            raise ValueError
-        return tolerance
-
-
 class SpeedLimits(NamedTuple):
-    """What a robot's motors allow; the defaults are those of a small mobile robot indoors.
-
-    Attributes:
-        speed: m/s.
-        acceleration: m/s².
-        turn_rate: rad/s.
-        turn_acceleration: rad/s²; None for no limit.
-    """
+    """What a robot's motors allow: m/s, m/s², rad/s, rad/s² (None: no limit). The defaults are a small robot's."""
 
     speed: float = 1.0
     acceleration: float = 0.5
     turn_rate: float = 1.0
     turn_acceleration: float | None = None
-
-
-class LimitsKind(Kind):
-    """The first few numbers of :class:`SpeedLimits`."""
-
-    def _read(self, text: str) -> SpeedLimits:
-        values = [float(word) for word in text.split(",")]
-        if len(values) > 4 or not all(1e-6 <= value <= 1e6 for value in values):
-            raise ValueError
-        return SpeedLimits(*values)
 
 
 class RobotSpec(NamedTuple):
@@ -219,18 +148,55 @@ class RobotSpec(NamedTuple):
     files: tuple[Path, ...] = ()
 
 
-class RobotKind(Kind):
-    """A footprint, or a YAML file that holds one."""
+def _pose(text: str) -> Pose:
+    from trailmark.arguments import angle, warn_of_degrees
 
-    def _read(self, text: str) -> RobotSpec:
-        from trailmark.world.robot import Robot
+    x, y, heading = text.split(",")
+    pose = Pose(float(x), float(y), angle(heading))
+    _held(all(map(math.isfinite, pose)))
+    if "deg" not in heading:
+        warn_of_degrees(pose.theta, repr(text))
+    turns = abs(pose.theta) > 2.0 * math.pi  # else it is warned of again where it is used
+    return pose._replace(theta=math.remainder(pose.theta, 2.0 * math.pi)) if turns else pose
 
-        file = Path(text)
-        is_file = file.suffix.lower() in (".yaml", ".yml")
-        return RobotSpec(Robot.load(file), (file,)) if is_file else RobotSpec(Robot.parse(text))
+
+def _goal(text: str) -> Pose | Position:
+    if text.count(",") != 1:
+        return _pose(text)
+    position = Position(*map(float, text.split(",")))
+    _held(all(map(math.isfinite, position)))
+    return position
 
 
-ROBOT = RobotKind("SHAPE", "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)")
+def _tolerance(text: str) -> Tolerance:
+    from trailmark.arguments import angle
+
+    metres, comma, heading = text.partition(",")
+    tolerance = Tolerance(float(metres), angle(heading) if comma else 0.0)
+    _held(all(0.0 <= value < math.inf for value in tolerance))
+    return tolerance
+
+
+def _limits(text: str) -> SpeedLimits:
+    values = [float(word) for word in text.split(",")]
+    _held(len(values) <= 4 and all(1e-6 <= value <= 1e6 for value in values))
+    return SpeedLimits(*values)
+
+
+def _robot(text: str) -> RobotSpec:
+    from trailmark.world.robot import Robot
+
+    file = Path(text)
+    is_file = file.suffix.lower() in (".yaml", ".yml")
+    return RobotSpec(Robot.load(file), (file,)) if is_file else RobotSpec(Robot.parse(text))
+
+
+def _frame(text: str) -> str:
+    _held(bool(text) and all(c.isprintable() and not c.isspace() for c in text))
+    return text
+
+
+ROBOT = Kind("SHAPE", "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)", _robot)
 SECONDS = Number("SECONDS", "a finite number of seconds above 0", above=0.0)
 METRES = Number("METRES", "a finite number of metres above 0", above=0.0)
 CLEARANCE = Number("METRES", "metres, from 0 to 1e7", low=0.0, high=1e7)
@@ -239,13 +205,14 @@ SPEED = Number("M/S", "a number from 1e-06 to 1e+06 (m/s)", low=1e-6, high=1e6)
 FACTOR = Number("FACTOR", "a finite number of 0 or more", low=0.0)
 PROBABILITY = Number("P", "a probability above 0 and below 1", above=0.0, high=math.nextafter(1.0, 0.0))
 SEED = Count()
+LANDMARKS = Count("K", low=1, high=200_000)  # half a minute
 NAME, TEXT = Kind("NAME"), Kind("TEXT")
-POSE = PoseKind("X,Y,T", "X,Y,T, finite numbers (metres, metres, radians, or degrees such as 90deg)")
-GOAL = GoalKind("X,Y[,T]", "X,Y or X,Y,T, finite numbers (metres, radians, or degrees such as 90deg)")
-TOLERANCE = ToleranceKind("METRES[,RADIANS]", "METRES or METRES,RADIANS, numbers of 0 or more (degrees as in 10deg)")
-LIMITS = LimitsKind("V[,A[,W[,ALPHA]]]", "up to four numbers from 1e-06 to 1e+06 (m/s, m/s², rad/s, rad/s²)")
+POSE = Kind("X,Y,T", "X,Y,T, finite numbers (metres, metres, radians, or degrees such as 90deg)", _pose)
+GOAL = Kind("X,Y[,T]", "X,Y or X,Y,T, finite numbers (metres, radians, or degrees such as 90deg)", _goal)
+TOLERANCE = Kind("METRES[,RADIANS]", "METRES or METRES,RADIANS, numbers of 0 or more (degrees as in 10deg)", _tolerance)
+LIMITS = Kind("V[,A[,W[,ALPHA]]]", "up to four numbers from 1e-06 to 1e+06 (m/s, m/s², rad/s, rad/s²)", _limits)
 DRIVE = Choice("omnidirectional", "differential", "car")
-FRAME = FrameName("NAME", "a name without blanks, such as map")
+FRAME = Kind("NAME", "a name without blanks, such as map", _frame)
 PICTURE = OutputFile(".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
 PATH_FILE = OutputFile(".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2.json", ".geojson")
 SETTINGS, MASK = InputFile("FILE.yaml"), InputFile("MASK.yaml")
@@ -330,10 +297,10 @@ class RobotOptions(NamedTuple):
         radius = robot.turning_radius if self.turning_radius is None else self.turning_radius
         if self.drive is not None:
             # A car's radius means nothing to another drive, unless it is given.
-            kept = radius if self.drive == "car" else self.turning_radius
+            radius = radius if self.drive == "car" else self.turning_radius
             reverse = robot.reverse if self.drive == robot.drive else None
-            given: Any = {"turning_radius": kept, "reverse": reverse, "drive": self.drive}
-            robot, radius = replace(robot, **given), kept
+            given: Any = {"turning_radius": radius, "reverse": reverse, "drive": self.drive}
+            robot = replace(robot, **given)
         if radius is not None:
             return robot.steered(radius, (robot.reverse or robot.drive != "car") and not self.forward_only)
         if not self.forward_only:
@@ -353,13 +320,9 @@ def robot_of(world: World, given: RobotSpec | None) -> Robot:
 
 def load_world(text: str) -> World:
     """Return the world of a file, or the shipped world of a name."""
-    from trailmark.formats.nav2_map import unknown_taken_for_free
     from trailmark.world import World
 
-    world = World.load(text)
-    if problem := unknown_taken_for_free(world.sources):
-        console.warn(problem)
-    return world
+    return World.load(text)
 
 
 def grown_for(world: World, robot: Robot) -> World:

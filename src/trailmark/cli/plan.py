@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,7 +27,6 @@ __all__ = ["plan"]
 EXIT_STATUS = {"solved": 0, "timeout": 3, "infeasible": 4}
 PLAN_SETTINGS = {"gap": options.FACTOR, "max_iterations": options.Count(low=1), "frame_id": options.FRAME}
 """What a settings file may say of one plan, beside the planner's settings."""
-LANDMARKS = options.Count("K", low=1, high=200_000)  # half a minute
 
 
 def plan(
@@ -51,7 +50,7 @@ def plan(
     plot: options.PlotOption = None,
     as_json: options.JsonOption = False,
     seed: options.SeedOption = 0,
-    landmarks: Annotated[int | None, option(LANDMARKS, "Landmarks of the roadmap; default: by world.")] = None,
+    landmarks: Annotated[int | None, option(options.LANDMARKS, "Landmarks of the roadmap; default: by world.")] = None,
     goal_tolerance: Annotated[
         Tolerance | None, option(options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query")
     ] = None,
@@ -138,7 +137,7 @@ def plan(
         begun = time.perf_counter()
         given = options.RobotOptions(robot, turning_radius, forward_only, drive)
         loaded, body = given.load(world, (output, plot, trajectory, animate), [settings] if settings else [], keepout)
-        ends = _ends(loaded, query, start, goal or [], goal_tolerance)
+        name, a, b = _ends(loaded, query, start, goal or [], goal_tolerance)
         loading = time.perf_counter() - begun
 
         from trailmark import LandmarkPlanner
@@ -165,53 +164,40 @@ def plan(
         progress.stage("planning", time_limit)
         frame = asked.pop("frame_id", "map")
         with _stopping(stopped):
-            result = planner.plan(
-                ends.start, ends.goal, time_limit=time_limit, on_progress=follow, stop=stopped.is_set, **asked
-            )
+            result = planner.plan(a, b, time_limit=time_limit, on_progress=follow, stop=stopped.is_set, **asked)
         result, extras = plan_files.smoothed(result, loaded, body) if smooth else (result, {})
-        record = result.to_dict(world=loaded.name, query=ends.name) | extras
+        record = result.to_dict(world=loaded.name, query=name) | extras
         record["settings"] = chosen.to_dict()
         record["time"]["load"] = loading
         record["time"]["total"] += loading
         progress.stage("writing")
-        path, written = result.path, [file for file in (trajectory, animate, output, plot) if file is not None]
+        path, files = result.path, [trajectory, animate, output]
         if path is None:
             # A record of the full result says that there is no path; other files cannot.
-            for file in [file for file in (trajectory, animate, output) if file is not None and not _is_record(file)]:
-                console.not_written(file, "there is no path")
-                written.remove(file)
+            for file in filter(None, files):
+                if not plan_files.is_record(file):
+                    console.not_written(file, "there is no path")
+            trajectory, animate, output = (file if file and plan_files.is_record(file) else None for file in files)
         elif trajectory is not None or animate is not None:
             record["trajectory"] = plan_files.write_timed(path, speeds, loaded, body, trajectory, animate, frame)
-        if output is not None and output in written:
-            from trailmark.formats.files import write_atomically
-            from trailmark.formats.path_files import write_path
-
-            if path is None:
-                write_atomically(output, console.json_text(record) + "\n")
-            else:
-                shaped = path if step is None else plan_files.with_step(path, step, loaded, body)
-                write_path(output, shaped, record, frame)
+        if output is not None:
+            plan_files.write_result(output, path, record, step, loaded, body, frame)
         if plot is not None:
             from trailmark.plotting import save_plan_figure
 
-            a, b, name = ends.start, ends.goal, ends.name
             save_plan_figure(plot, loaded, body, result, planner.roadmap, start=a, goal=b, query=name)
 
     if as_json:
         console.say(console.json_text(record))
     else:
-        _print_summary(record, result, written)
+        _print_summary(record, result, [trajectory, animate, output, plot])
     if stopped.is_set():
         raise KeyboardInterrupt
     raise typer.Exit(EXIT_STATUS[result.status])
 
 
-class Ends(NamedTuple):
-    """A query's name, if it is one of the world's, its start, and its goal or goals."""
-
-    name: str | None
-    start: tuple[float, float, float]
-    goal: tuple[float, float, float] | tuple[Goal, ...]
+Ends = tuple[str | None, tuple[float, float, float], "tuple[float, float, float] | tuple[Goal, ...]"]
+"""A query's name, if it is one of the world's, its start, and its goal or goals."""
 
 
 def _ends(
@@ -223,54 +209,32 @@ def _ends(
     if (start is None) != (not goals):
         given, missing = ("--start", "--goal") if not goals else ("--goal", "--start")
         raise UsageError(f"{given} given without {missing}; expected both or neither")
-    if start is not None and query is not None:
-        raise UsageError(f"expected --query or --start and --goal, got both (--query {query!r})")
     if start is None:
         found = world.query(query)
         if tolerance is None:
-            return Ends(found.name, found.start, found.goal)
+            return found.name, found.start, found.goal
         if isinstance(found.goal[0], Goal):
             raise UsageError(f"--goal-tolerance: expected --goal, for query {found.name!r} holds tolerances itself")
-        return Ends(found.name, found.start, (Goal(found.goal, *tolerance),))
+        return found.name, found.start, (Goal(found.goal, *tolerance),)
+    if query is not None:
+        raise UsageError(f"expected --query or --start and --goal, got both (--query {query!r})")
     if tolerance is None and len(goals) == 1 and isinstance(goals[0], Pose):
-        return Ends(None, start, goals[0])
+        return None, start, goals[0]
     position, heading = tolerance or Tolerance()
     if heading > 0.0 and not any(isinstance(goal, Pose) for goal in goals):
         raise UsageError("--goal-tolerance: expected a goal X,Y,T for a tolerance of its heading, got X,Y")
-    headings = (heading if isinstance(goal, Pose) else 0.0 for goal in goals)
-    return Ends(None, start, tuple(Goal(goal, position, within) for goal, within in zip(goals, headings, strict=True)))
+    return None, start, tuple(Goal(goal, position, heading if isinstance(goal, Pose) else 0.0) for goal in goals)
 
 
 def _read_settings(file: Path | None) -> tuple[PlannerSettings, dict[str, Any]]:
     """Return the planner's settings in a file, and what it says of a plan: gap, max_iterations and frame_id."""
+    from trailmark.formats.settings_yaml import read_settings
     from trailmark.planning import PlannerSettings
 
     if file is None:
         return PlannerSettings(), {}
-    from dataclasses import fields
-
-    import yaml
-
-    from trailmark.errors import ConfigurationError, FormatError, expected_name
-    from trailmark.formats.files import read_text
-
-    text = read_text(file)
-    try:
-        found: Any = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise FormatError(file, f"expected YAML, got {' '.join(str(error).split())}") from None
-    if not isinstance(found, dict):
-        raise FormatError(file, f"expected lines 'name: value', got {type(found).__name__}")
-    names = [*PLAN_SETTINGS, *(setting.name for setting in fields(PlannerSettings))]
-    for name in found:
-        if name not in names:
-            raise FormatError(file, f"setting: {expected_name(str(name), names)}")
-    kinds = PLAN_SETTINGS.items()
-    asked = {name: kind(str(found.pop(name)), f"{file}: {name}") for name, kind in kinds if name in found}
-    try:
-        return PlannerSettings(**found), asked
-    except ConfigurationError as error:
-        raise FormatError(file, str(error)) from None
+    chosen, asked = read_settings(file, PlannerSettings(), dict.fromkeys(PLAN_SETTINGS, ()))
+    return chosen, {name: PLAN_SETTINGS[name](str(value), f"{file}: {name}") for name, value in asked.items()}
 
 
 @contextmanager
@@ -292,12 +256,7 @@ def _stopping(asked: Event) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _is_record(file: Path) -> bool:
-    """Return whether a file of this name holds the full result, so that it can say that there is no path."""
-    return file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json")
-
-
-def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Path]) -> None:
+def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Path | None]) -> None:
     kept = result.clearance
     title = record["world"] if record["query"] is None else f"{record['world']} · {record['query']}"
     verdict, colour = {
@@ -306,26 +265,23 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
         "infeasible": (f"infeasible: no path {f'keeps {kept:g} m' if kept else 'exists'}", "red"),
     }[record["status"]]
     reason = f": {result.reason}" if result.reason else ""
-    console.say(f"{title}: {verdict}{reason}", fg=colour, bold=True)
     seconds = record["time"]
-    rows = [] if result.path is None else _path_rows(record, result)
-    rows += [
+    facts = [
+        *([] if result.path is None else _path_facts(record, result)),
         ("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges"),
         ("time", f"{seconds['total']:.3f} s (load {seconds['load']:.3f}, build {seconds['build']:.3f})"),
         ("seed", str(record["seed"])),
-        *(("written", str(file)) for file in written),
     ]
-    console.print_table(rows, indent="  ")
+    console.show(f"{title}: {verdict}{reason}", facts, written, colour)
 
 
-def _path_rows(record: dict[str, Any], result: PlanResult) -> list[tuple[str, str]]:
-    rows = []
+def _path_facts(record: dict[str, Any], result: PlanResult) -> list[tuple[str, str]]:
+    cost, bound, facts = record["cost"], record["lower_bound"], []
     if result.goal is not None:
         pose = ", ".join(f"{value:.4g}" for value in result.goal.pose)
-        rows.append(("goal", f"number {result.goal.index + 1}, reached at ({pose})"))
-    cost, bound = record["cost"], record["lower_bound"]
+        facts.append(("goal", f"number {result.goal.index + 1}, reached at ({pose})"))
     gap = f" (at most {100.0 * (cost / bound - 1.0):.1f} % above the optimum: lower bound {bound:.4f})" if bound else ""
-    rows += [
+    facts += [
         ("cost", f"{cost:.4f}{gap}"),
         ("length", f"{record['length']:.4f} m"),
         ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
@@ -336,22 +292,18 @@ def _path_rows(record: dict[str, Any], result: PlanResult) -> list[tuple[str, st
             shown += [f"metres in reverse {weights['reverse']:g} times"] if weights["reverse"] > 1.0 else []
             shown += [f"a change of direction {weights['direction_change']:g} m"] if weights["direction_change"] else []
         error = f"; the cost is known to {record['cost_error']:.2g}" if record["cost_error"] else ""
-        rows.append(("objective", ", ".join(shown) + error))
+        facts.append(("objective", ", ".join(shown) + error))
     if (curve := record.get("curve")) is not None:
         kind = {"dubins": "Dubins", "reeds-shepp": "Reeds-Shepp"}[curve["kind"]]
         turns = f"{record['direction_changes']} changes of direction, {record['reverse_length']:.4g} m in reverse"
-        rows.append(("curves", f"{kind}, turning radius {curve['turning_radius']:g} m, {turns}"))
+        facts.append(("curves", f"{kind}, turning radius {curve['turning_radius']:g} m, {turns}"))
     if (smooth := record.get("smooth")) is not None:
-        curvature = f"curvature {smooth['max_curvature']:.3g} /m at its most"
-        rows.append(("smooth", f"{curvature}, {len(smooth['stops'])} stops on the way"))
+        stops = f"{len(smooth['stops'])} stops on the way"
+        facts.append(("smooth", f"curvature {smooth['max_curvature']:.3g} /m at its most, {stops}"))
     if "trajectory" in record:
-        rows.append(("trajectory", f"{record['trajectory']['duration']:.2f} s"))
+        facts.append(("trajectory", f"{record['trajectory']['duration']:.2f} s"))
     certified = f"; certified {result.clearance:.4g} m" if result.clearance > 0.0 or result.clearance_bound else ""
     if result.clearance_bound is not None:
         certified += f", and no path keeps more than {result.clearance_bound:.4f} m"
-    first = record["time"]["first_solution"]
-    return [
-        *rows,
-        ("clearance", f"minimum {record['min_clearance']:.4f} m{certified}"),
-        ("first path", f"cost {record['first_cost']:.4f} after {first:.3f} s"),
-    ]
+    first = f"cost {record['first_cost']:.4f} after {record['time']['first_solution']:.3f} s"
+    return [*facts, ("clearance", f"minimum {record['min_clearance']:.4f} m{certified}"), ("first path", first)]

@@ -53,6 +53,30 @@ def smoothed(result: PlanResult, world: World, robot: Robot) -> tuple[PlanResult
     return result, {"smooth": {"stops": path.stops.tolist(), "max_curvature": path.max_curvature}}
 
 
+def is_record(file: Path) -> bool:
+    """Return whether a file of this name holds the full result, so that it can say that there is no path."""
+    return file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json")
+
+
+def write_result(
+    file: Path,
+    path: TrailPath | None,
+    record: dict[str, Any],
+    step: float | None,
+    world: World,
+    robot: Robot,
+    frame: str,
+) -> None:
+    """Write a path, with rows at most a step (metres) apart if there is one, or a record that there is none."""
+    from trailmark.formats.files import write_atomically
+    from trailmark.formats.path_files import write_path
+
+    if path is None:
+        write_atomically(file, console.json_text(record) + "\n")
+    else:
+        write_path(file, path if step is None else with_step(path, step, world, robot), record, frame)
+
+
 def with_step(path: TrailPath, step: float, world: World, robot: Robot) -> TrailPath:
     """Return a path with rows at most a step (metres) apart; the straight lines between them are free too.
 

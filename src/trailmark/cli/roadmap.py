@@ -11,7 +11,6 @@ from trailmark.cli.options import option
 
 __all__ = ["roadmap"]
 
-LANDMARKS = options.Count("K", low=1, high=200_000)
 ROADMAP_FILE = options.OutputFile(".geojson", ".graphml", ".npz")
 
 
@@ -24,7 +23,7 @@ def roadmap(
             "The file to write: .geojson (nav2's route server), .graphml (networkx) or .npz (Roadmap.load).",
         ),
     ],
-    count: Annotated[int, option(LANDMARKS, "Number of landmarks.", "-k")] = 200,
+    count: Annotated[int, option(options.LANDMARKS, "Number of landmarks.", "-k")] = 200,
     robot: options.RobotOption = None,
     seed: options.SeedOption = 0,
     frame_id: Annotated[str, option(options.FRAME, "Coordinate frame named in GeoJSON.")] = "map",
@@ -56,6 +55,5 @@ def roadmap(
         record = {"world": loaded.name, "robot": body.describe(), "landmarks": len(built), "edges": edges}
         console.say(console.json_text(record | {"seed": seed, "time": seconds}))
         return
-    console.say(f"{loaded.name}: {len(built):,} landmarks, {edges:,} certified edges", bold=True)
-    rows = [("robot", body.describe()), ("seed", f"{seed}"), ("time", f"{seconds:.3f} s"), ("written", f"{output}")]
-    console.print_table(rows, indent="  ")
+    facts = [("robot", body.describe()), ("seed", f"{seed}"), ("time", f"{seconds:.3f} s")]
+    console.show(f"{loaded.name}: {len(built):,} landmarks, {edges:,} certified edges", facts, [output])

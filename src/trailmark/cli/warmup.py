@@ -44,19 +44,14 @@ def warmup(as_json: JsonOption = False) -> None:
         facts = {"folder": kept, "files": len(files), "written": written, "size": size, "free": free}
         console.say(console.json_text({"kernels": list(stages), "cache": facts, "time": {"total": seconds}}))
         return
-    console.say(f"all kernels are ready, in {len(stages)} stages ({seconds:.1f} s)")
-    if folder is None:
-        console.say("  cache  none: no folder can be written to (NUMBA_CACHE_DIR names one)")
-        return
-    new = f"{written:,} of them new" if written else "none of them new"
-    console.print_table(
-        [
-            ("cache", str(folder)),
-            ("kernels", f"{len(files):,}, {new}"),
-            ("size", f"{size / 1e6:,.0f} MB, {free / 1e9:,.1f} GB are left on the disk"),
-        ],
-        indent="  ",
-    )
+    where = "none: no folder can be written to (NUMBA_CACHE_DIR names one)" if folder is None else str(folder)
+    sizes = f"{size / 1e6:,.0f} MB, {free / 1e9:,.1f} GB are left on the disk"
+    rows = [
+        ("cache", where),
+        ("kernels", f"{len(files):,}, {f'{written:,}' if written else 'none'} of them new"),
+        ("size", sizes),
+    ]
+    console.show(f"all kernels are ready, in {len(stages)} stages ({seconds:.1f} s)", rows if folder else rows[:1])
 
 
 def _kept() -> tuple[list[Path], Path | None]:

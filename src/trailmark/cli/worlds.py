@@ -56,7 +56,6 @@ def show(
     if as_json:
         console.say(console.json_text(facts))
         return
-    console.say(loaded.name, bold=True)
     names = [query["name"] for query in facts["queries"]]
     listed = f" ({', '.join(names[:8])}{', …' if len(names) > 8 else ''})" if names else ""
     xmin, ymin, xmax, ymax = loaded.bounds
@@ -67,9 +66,8 @@ def show(
         *([("zones", _counted(facts["zones"]))] if facts["zones"] else []),
         ("robot", facts["robot"] or "none"),
         ("queries", f"{len(names):,}{listed}"),
-        *([("written", str(plot))] if plot else []),
     ]
-    console.print_table(rows, indent="  ")
+    console.show(loaded.name, rows, [plot])
 
 
 def convert(

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtri
 
 from trailmark.arguments import Probability, checked_arguments, number_array
 from trailmark.estimation.errors import EstimationError
@@ -88,6 +87,8 @@ class Consistency(NamedTuple):
 def chi_square_quantile(probability: ArrayLike, dof: ArrayLike) -> Any:
     """Return the value that chi-square of ``dof`` degrees of freedom stays under with that probability; any shape."""
     # scipy.stats, the usual source, takes a second to import.
+    from scipy.special import chdtri  # here, since plans need none of it
+
     return chdtri(np.asarray(dof, dtype=np.float64), 1.0 - np.asarray(probability, dtype=np.float64))
 
 

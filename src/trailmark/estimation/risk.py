@@ -21,7 +21,6 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
-from scipy.special import chdtrc, chdtri
 
 from trailmark.arguments import Count, NonNegative, Numbers, Probability, Rule, Seed, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
@@ -141,10 +140,14 @@ class Spread(NamedTuple):
 
     def quantile(self, risk: float) -> float:
         """Return the radius, in standard deviations, of the ellipsoid that ξ leaves with probability ``risk``."""
+        from scipy.special import chdtri
+
         return math.sqrt(float(chdtri(self.freedom, risk))) if self.freedom else 0.0
 
     def risk(self, q: float) -> float:
         """Return the probability with which ξ leaves the ellipsoid of radius q standard deviations."""
+        from scipy.special import chdtrc
+
         return float(chdtrc(self.freedom, q * q)) if self.freedom else 0.0
 
     def region(self, q: float, sides: int = SIDES) -> Shape:
@@ -420,6 +423,8 @@ class PathRisk(NamedTuple):
         The count is a sum of independent trials, which spreads no wider than a Poisson variable of the same mean:
         the exact bound for that one (Garwood 1936) holds.
         """
+        from scipy.special import chdtri
+
         return min(1.0, 0.5 * float(chdtri(2.0 * (self.hits + 1), SURE)) / self.draws)
 
 

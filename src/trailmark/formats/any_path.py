@@ -186,33 +186,29 @@ def _state_of_pose(entry: Any, i: int, path: FilePath) -> list[float]:
 
 def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
     """Return the states of rows, whose columns are set off by commas, semicolons or blanks."""
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
-    first = next((i for i, (_, line) in enumerate(lines) if line and not line.startswith("#")), len(lines))
-    comments = [(number, line) for number, line in lines[:first] if line]
-    lines = [(number, line) for number, line in lines[first:] if line and not line.startswith("#")]
-    if not lines:
+    lines = [(n, line) for n, line in enumerate(map(str.strip, text.splitlines()), start=1) if line]
+    rows = [(n, line) for n, line in lines if not line.startswith("#")]
+    if not rows:
         return []
-    separator = next((mark for mark in ",;" if mark in lines[0][1]), None)
-    names = _names(lines[0][1], separator)
-    columns, count = [0, 1, 2], 3
-    if not any(map(_is_number, names)):
-        named, count = _columns(names), len(names)
-        if named is None:
-            given = brief(lines[0][1])
-            raise FormatError(
-                path, f"no path; {_ALLOWED} and columns x, y, theta (or yaw, heading), got {given}", lines[0][0]
-            )
-        columns, lines = named, lines[1:]
+    number, first = rows[0]
+    separator = next((mark for mark in ",;" if mark in first), None)
+    names = _names(first, separator)
+    count, columns = 3, [0, 1, 2]
+    if any(map(_is_number, names)):
+        comments = [(n, line) for n, line in lines if n < number]
+        if (commented := _commented_columns(comments, separator, len(names), path)) is not None:
+            count, columns = len(names), commented
+    elif (named := _columns(names)) is not None:
+        count, columns, rows = len(names), named, rows[1:]
     else:
-        columns, count = _commented_columns(comments, separator, len(names), path) or (columns, count)
+        allowed = f"{_ALLOWED} and columns x, y, theta (or yaw, heading)"
+        raise FormatError(path, f"no path; {allowed}, got {brief(first)}", number)
     states = []
-    for number, line in lines:
+    for n, line in rows:
         fields = line.split(separator)
         row = [float(fields[k]) if _is_number(fields[k]) else math.nan for k in columns] if len(fields) == count else []
         if len(row) != 3 or not all(map(math.isfinite, row)):
-            raise FormatError(
-                path, f"expected {count} columns, x, y, theta finite numbers, got row {brief(line)}", number
-            )
+            raise FormatError(path, f"expected {count} columns, x, y, theta finite numbers, got row {brief(line)}", n)
         states.append(row)
     return states
 
@@ -231,10 +227,8 @@ def _columns(names: list[str]) -> list[int] | None:
 
 def _commented_columns(
     comments: list[tuple[int, str]], separator: str | None, count: int, path: FilePath
-) -> tuple[list[int], int] | None:
-    """Return the columns that comments above the first row name, as numpy.savetxt writes a header, and their number.
-
-    None where they name none.
+) -> list[int] | None:
+    """Return the columns that comments above the first row name, as numpy.savetxt writes a header; None without names.
 
     Raises:
         FormatError: a comment that names columns, but not so that they could be told.
@@ -243,16 +237,15 @@ def _commented_columns(
     for number, line in reversed(comments):
         text = line.lstrip("# ")
         for mark in dict.fromkeys((separator, ",", ";", None)):
-            columns = _columns(names) if len(names := _names(text, mark)) == count else None
-            if columns is not None:
-                return columns, count
-        words = [word for word in re.findall(r"\w+", text.lower()) if word in ("x", "y", *_HEADINGS)]
+            names = _names(text, mark)
+            if len(names) == count and (columns := _columns(names)) is not None:
+                return columns
+        known = [word for word in re.findall(r"\w+", text.lower()) if word in ("x", "y", *_HEADINGS)]
         fields = text.split(separator)
-        alike = len(fields) == count and (all(map(_NAME.fullmatch, fields)) if separator else len(words) > 1)
-        alike = alike or (len(text.split()) == count and len(words) > 1)
+        alike = separator is not None and len(fields) == count and all(map(_NAME.fullmatch, fields))
         # Words of a sentence may name them in the order that rows without a header have.
-        in_order = count == 3 and words[:2] == ["x", "y"]
-        if alike or (len(words) > 1 and not in_order):
+        in_order = count == 3 and known[:2] == ["x", "y"]
+        if alike or (len(known) > 1 and (len(text.split()) == count or not in_order)):
             named = f"{count} columns with x, y, theta (or yaw, heading) among them"
             problem = FormatError(path, f"a comment that names columns: expected {named}, got {brief(line)}", number)
     if problem is not None:

@@ -74,30 +74,27 @@ def grid_polygons(
     Raises:
         WorldError: more than :data:`MAX_CORNERS` corners.
     """
-    from scipy import ndimage
+    import shapely
 
-    padded = np.pad(np.asarray(occupied, dtype=bool), 1)
-    labels, _ = ndimage.label(padded)
-    # A side runs with its occupied cells to the left: to the right below them, upwards at their right, and so on.
-    across = _sides(padded.view(np.int8), labels, turned=False)
-    upright = _sides(padded.view(np.int8).T, labels.T, turned=True)
-    if len(across.label) + len(upright.label) > MAX_CORNERS:
-        corners = len(across.label) + len(upright.label)
-        raise WorldError(f"map: expected outlines with at most {MAX_CORNERS:,} corners, got {corners:,}")
-    sides = _Sides(*(np.concatenate(pair) for pair in zip(across.fields(), upright.fields(), strict=True)))
-    corners_xy = _place(sides.start, cell, origin)
-    outlines: dict[int, tuple[Vertices, list[Vertices]]] = {}
-    for ring in _rings(_successors(sides, padded.shape[1]).tolist(), len(across.label)):
-        label, vertices = int(sides.label[ring[0]]), corners_xy[ring]
-        # Each ring begins with its lowest side: below occupied cells it belongs to an outline, above to a hole.
-        if sides.direction[ring[0]] == 0:
-            outlines[label] = (vertices, [])
-        else:
-            outlines[label][1].append(vertices)
+    cells = np.asarray(occupied, dtype=bool)
+    sides = _sides(cells)
+    _check_corners(len(sides))
+    faces = shapely.get_parts(shapely.polygonize(shapely.linestrings(sides.reshape(-1, 2, 2))))
+    # Of the faces between the sides those are occupied whose lowest cell, the leftmost of that row, is.
+    corners, face = shapely.get_coordinates(shapely.get_exterior_ring(faces), return_index=True)
+    order = np.lexsort((corners[:, 0], corners[:, 1], face))
+    lowest = corners[order[np.flatnonzero(np.diff(face[order], prepend=-1))]].astype(np.int64)
+    solid = cells[lowest[:, 1], lowest[:, 0]]
+    by_row = np.lexsort(lowest[solid].T)
+    rings, owner = shapely.get_rings(shapely.orient_polygons(faces[solid][by_row]), return_index=True)
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    placed = np.split(_place(corners, cell, origin), np.flatnonzero(np.diff(ring)) + 1)
+    outlines: list[list[Vertices]] = [[] for _ in range(len(by_row))]
+    for polygon, vertices in zip(owner.tolist(), placed if len(rings) else (), strict=True):
+        outlines[polygon].append(vertices[:-1])
     # Looking whether each of thousands of polygons is valid takes five times as long as making them.
-    if keeps_order(occupied.shape, cell, origin):
-        return tuple(Polygon.unchecked(*rings) for rings in outlines.values())
-    return tuple(Polygon(outline, tuple(holes)) for outline, holes in outlines.values())
+    make = Polygon.unchecked if keeps_order(cells.shape, cell, origin) else Polygon
+    return tuple(make(outline, tuple(holes)) for outline, *holes in outlines)
 
 
 def grid_sides(occupied: NDArray[np.bool_], cell: float, origin: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -105,12 +102,26 @@ def grid_sides(occupied: NDArray[np.bool_], cell: float, origin: tuple[float, fl
 
     Arguments are those of :func:`grid_polygons`; the occupied cells lie on the sides' left.
     """
-    padded = np.pad(np.asarray(occupied, dtype=bool), 1)
-    labels = np.broadcast_to(np.int8(0), padded.shape)
-    across = _sides(padded.view(np.int8), labels, turned=False)
-    upright = _sides(padded.view(np.int8).T, labels.T, turned=True)
-    ends = (np.concatenate(pair) for pair in ((across.start, upright.start), (across.end, upright.end)))
-    return np.hstack([_place(corners, cell, origin) for corners in ends])
+    return _place(_sides(occupied).reshape(-1, 2), cell, origin).reshape(-1, 4)
+
+
+def _sides(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the sides of :func:`grid_sides` as columns and rows of the grid's lines."""
+    padded, found = np.pad(np.asarray(occupied, dtype=np.int8), 1), []
+    for turned, cells in enumerate((padded, padded.T)):
+        step = cells[1:] - cells[:-1]  # +1 where the region begins across this line, -1 where it ends
+        line, at = np.nonzero(step[:, 1:] != step[:, :-1])  # the sides' ends, in order along each line
+        opens, closes = step[line, at + 1] != 0, step[line, at] != 0
+        line, low, high = line[opens], at[opens], at[closes]
+        forward = (step[line, low + 1] > 0) != turned
+        ends = np.column_stack([np.where(forward, low, high), line, np.where(forward, high, low), line])
+        found.append(ends[:, [1, 0, 3, 2]] if turned else ends)
+    return np.concatenate(found)
+
+
+def _check_corners(corners: int) -> None:
+    if corners > MAX_CORNERS:
+        raise WorldError(f"map: expected outlines with at most {MAX_CORNERS:,} corners, got {corners:,}")
 
 
 def keeps_order(shape: tuple[int, ...], cell: float, origin: tuple[float, float, float]) -> bool:
@@ -122,81 +133,7 @@ def keeps_order(shape: tuple[int, ...], cell: float, origin: tuple[float, float,
         return all(bool((np.diff(line) > LEAST).all() and (np.abs(line) <= LIMIT).all()) for line in lines)
 
 
-class _Sides:
-    """Directed straight sides of the occupied region.
-
-    Attributes:
-        start: shape (n, 2), column and row of the corner where the side begins.
-        end: shape (n, 2), where it ends.
-        direction: shape (n,), quarter turns from the direction of x.
-        label: shape (n,), the component that lies to its left.
-    """
-
-    def __init__(
-        self, start: NDArray[np.int64], end: NDArray[np.int64], direction: NDArray[np.int64], label: NDArray[np.int64]
-    ) -> None:
-        self.start, self.end, self.direction, self.label = start, end, direction, label
-
-    def fields(self) -> tuple[NDArray[np.int64], ...]:
-        return self.start, self.end, self.direction, self.label
-
-
-def _sides(cells: NDArray[np.int8], labels: NDArray[Any], turned: bool) -> _Sides:
-    """Return the sides along the rows of a padded grid; ``turned`` says that rows stand for columns."""
-    step = cells[1:] - cells[:-1]  # +1 where the region begins across this line, -1 where it ends
-    line, at = np.nonzero(step[:, 1:] != step[:, :-1])  # the sides' ends, in order along each line
-    opens, closes = step[line, at + 1] != 0, step[line, at] != 0
-    line, low, high = line[opens], at[opens], at[closes]
-    begins = step[line, low + 1] > 0
-    label = labels[line + begins, low + 1].astype(np.int64)
-    forward = begins != turned
-    first, last = np.where(forward, low, high), np.where(forward, high, low)
-    start, end = np.column_stack([first, line]), np.column_stack([last, line])
-    if turned:
-        start, end = start[:, ::-1], end[:, ::-1]
-    return _Sides(start, end, np.where(forward, 0, 2) + turned, label)
-
-
-def _successors(sides: _Sides, width: int) -> NDArray[np.int64]:
-    """Return for each side the one that follows it round its component.
-
-    Where two cells of one component meet in a corner, four sides meet: turning right there keeps every ring simple.
-    For were both visits to the corner on one ring, that ring would cross a loop through the two cells' interiors.
-    """
-    begin = (sides.start[:, 1] * width + sides.start[:, 0]) * 4
-    order = np.argsort(begin + sides.direction)
-    keys = (begin + sides.direction)[order]
-    arrive = (sides.end[:, 1] * width + sides.end[:, 0]) * 4
-
-    def side_at(turn: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        wanted = arrive + (sides.direction + turn) % 4
-        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        found = order[place]
-        return found, (keys[place] == wanted) & (sides.label[found] == sides.label)
-
-    if not len(keys):
-        return np.empty(0, dtype=np.int64)
-    right, fits = side_at(-1)
-    left, _ = side_at(1)
-    return np.where(fits, right, left)
-
-
-def _rings(following: list[int], across: int) -> list[list[int]]:
-    """Return the cycles of ``following``, each from its first side; the first ``across`` sides go in every cycle."""
-    seen, rings = bytearray(len(following)), []
-    for first in range(across):
-        if seen[first]:
-            continue
-        ring, side = [], first
-        while not seen[side]:
-            seen[side] = 1
-            ring.append(side)
-            side = following[side]
-        rings.append(ring)
-    return rings
-
-
-def _place(corners: NDArray[np.int64], cell: float, origin: tuple[float, float, float]) -> Vertices:
+def _place(corners: NDArray[Any], cell: float, origin: tuple[float, float, float]) -> Vertices:
     x0, y0, yaw = origin
     with np.errstate(over="ignore", invalid="ignore"):  # polygons refuse what is no number after that
         grid = corners * cell
@@ -227,8 +164,7 @@ class CellObstacles(LazyShapes):
         p = np.pad(self.occupied, 1)
         a, b, c, d = p[:-1, :-1], p[:-1, 1:], p[1:, :-1], p[1:, 1:]
         corners = np.count_nonzero(a ^ b ^ c ^ d) + 2 * np.count_nonzero((a == d) & (b == c) & (a != b))
-        if corners > MAX_CORNERS:
-            raise WorldError(f"map: expected outlines with at most {MAX_CORNERS:,} corners, got {corners:,}")
+        _check_corners(int(corners))
         self.upright = keeps_order(occupied.shape, cell, origin)
         if not self.upright:
             # Polygons are checked one by one: what is wrong with them is said now.

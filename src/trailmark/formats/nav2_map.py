@@ -7,7 +7,7 @@ is free only if the map says so; occupied and unknown cells both become obstacle
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.arguments import Positive, checked_arguments, number
-from trailmark.errors import FormatError, WorldError, expected_name
-from trailmark.formats.files import read_text, write_atomically
+from trailmark.errors import FormatError, InputWarning, WorldError, expected_name
+from trailmark.formats.files import write_atomically
 from trailmark.formats.grid import MAX_CELLS, check_size, grid_fields, grid_polygons
-from trailmark.formats.yaml_data import parse_yaml
+from trailmark.formats.yaml_data import read_yaml
 from trailmark.shapes import Polygon, Shape
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ __all__ = [
     "UNKNOWN",
     "MaskKind",
     "free_cells",
-    "occupancy",
     "pixels_of",
     "read_grid",
     "read_image",
@@ -41,7 +40,6 @@ __all__ = [
     "read_nav2_map",
     "save_nav2_cells",
     "save_nav2_map",
-    "unknown_taken_for_free",
 ]
 
 T = TypeVar("T", bound=np.generic)
@@ -102,40 +100,26 @@ def _map_file(data: dict[str, Any], path: Path) -> MapFile:
 
 
 def _fields(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> dict[str, Any]:
-    free = pixels_of(image, lambda pixels: free_cells(pixels, file))
+    unknown = 0
+
+    def taken(pixels: Image) -> NDArray[np.bool_]:
+        nonlocal unknown
+        free = free_cells(pixels, file)
+        values, full, _ = _channels(pixels)
+        if file.mode != "raw" and not file.negate and file.free_thresh >= (255 - UNKNOWN) / 255 and full == 255:
+            unknown = int(np.count_nonzero(free & (values[..., :3] == UNKNOWN).all(axis=-1)))
+        return free
+
+    free = pixels_of(image, taken)
+    if unknown and len(sources) > 1:  # whoever reads an image alone has named the threshold himself
+        what = f"{unknown:,} cells of grey {UNKNOWN}, which map savers write for unknown, are free"
+        problem = f"{sources[0]}: {what} by free_thresh {file.free_thresh:g}; 0.196 keeps them out"
+        warnings.warn(problem, InputWarning, stacklevel=2)
     try:
         fields = grid_fields(~free[::-1], file.resolution, file.origin, name)
     except WorldError as error:
         raise FormatError(image, str(error)) from None
     return {**fields, "sources": sources}
-
-
-def unknown_taken_for_free(sources: Sequence[Path]) -> str:
-    """Return a sentence on cells of a nav2 map that are free though they are of the grey of unknown ones, or nothing.
-
-    Args:
-        sources: files of a world: a nav2 map's are its YAML file and its image.
-
-    Raises:
-        FormatError: as :func:`read_nav2_map`.
-    """
-    if len(sources) < 2 or sources[0].suffix.lower() not in (".yaml", ".yml"):
-        return ""
-    data = parse_yaml(read_text(sources[0]), sources[0])
-    if not isinstance(data, dict) or "image" not in data:
-        return ""
-    file = _map_file(data, sources[0])
-    if file.mode == "raw" or file.negate or file.free_thresh < (255 - UNKNOWN) / 255:
-        return ""
-
-    def grey(image: Image) -> NDArray[np.bool_]:
-        values, full, _ = _channels(image)
-        return np.asarray((full == 255) & (values[..., :3] == UNKNOWN).all(axis=-1) & free_cells(image, file))
-
-    if not (count := int(np.count_nonzero(pixels_of(sources[1], grey)))):
-        return ""
-    what = f"{count:,} cells of grey {UNKNOWN}, which map savers write for unknown, are free"
-    return f"{sources[0]}: {what} by free_thresh {file.free_thresh:g}; 0.196 keeps them out"
 
 
 def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
@@ -163,32 +147,8 @@ def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
     free = np.empty(values.shape[:2], dtype=bool)
     for top in range(0, len(free), _ROWS_AT_ONCE):
         rows = slice(top, top + _ROWS_AT_ONCE)
-        free[rows] = _free(values[rows].astype(np.int64), full, has_alpha, file)
-    return free
-
-
-def occupancy(image: Image, file: MapFile) -> NDArray[np.int8]:
-    """Return the values that nav2 gives to pixels: 0 (free) to 100 (occupied), -1 where they are unknown.
-
-    Arguments, shape and errors are those of :func:`free_cells`.
-    """
-    values, full, has_alpha = _channels(image)
-    p = _probability(values.astype(np.int64), full, has_alpha, file)
-    if file.mode == "raw":
-        return np.where(p <= 1.0, np.rint(100.0 * p), -1).astype(np.int8)
-    between, unknown = np.full(p.shape, -1.0), np.zeros(p.shape, np.bool_)
-    if file.mode == "scale":
-        # Where both thresholds are the same, nothing lies between them but that value itself.
-        room = file.occupied_thresh - file.free_thresh
-        between = np.rint(100.0 * (p - file.free_thresh) / (room if room > 0.0 else 1.0))
-        unknown = (values[..., -1] != full) & has_alpha
-    found = np.select([unknown, p > file.occupied_thresh, p < file.free_thresh], [-1.0, 100.0, 0.0], between)
-    return found.astype(np.int8)
-
-
-def _free(values: NDArray[np.int64], full: int, has_alpha: bool, file: MapFile) -> NDArray[np.bool_]:
-    p = _probability(values, full, has_alpha, file)
-    free = np.asarray((p <= file.free_thresh) & (p < file.occupied_thresh))
+        p = _probability(values[rows].astype(np.int64), full, has_alpha, file)
+        free[rows] = (p <= file.free_thresh) & (p < file.occupied_thresh)
     if has_alpha and file.mode == "scale":
         free &= values[..., -1] == full
     return free
@@ -226,12 +186,6 @@ def pixels_of(path: Path, take: Callable[[Image], NDArray[T]]) -> NDArray[T]:
 
     allowed = f"expected an image of the kinds {', '.join(IMAGE_KINDS.values())}"
     try:
-        folder = path.is_dir()
-    except OSError as error:  # no file can have that name
-        raise FormatError(path, f"image cannot be read: {error.strerror}") from None
-    if folder:
-        raise FormatError(path, f"{allowed}, got a directory")
-    try:
         with warnings.catch_warnings():
             # Pillow's guard against decompression bombs is looser than the limit below, and warns first.
             warnings.simplefilter("ignore")
@@ -239,17 +193,16 @@ def pixels_of(path: Path, take: Callable[[Image], NDArray[T]]) -> NDArray[T]:
                 check_size(*image.size)  # known from the header, before any pixel is decoded
                 return take(image)
     except UnidentifiedImageError:
-        raise FormatError(path, f"not an image that can be read; {allowed}") from None
+        problem = f"not an image that can be read; {allowed}"
     except Image.DecompressionBombError:
-        raise FormatError(path, f"too many pixels; expected at most {MAX_CELLS:,}") from None
+        problem = f"too many pixels; expected at most {MAX_CELLS:,}"
     except WorldError as error:
-        raise FormatError(path, str(error)) from None
-    except OSError as error:
-        if error.strerror:
-            raise FormatError(path, f"image cannot be read: {error.strerror}") from None
-        raise FormatError(path, f"damaged image: {error}; {allowed}") from None
+        problem = str(error)
     except Exception as error:  # Pillow's decoders raise errors of many kinds on damaged data
-        raise FormatError(path, f"damaged image: {error or type(error).__name__}; {allowed}") from None
+        reason = error.strerror if isinstance(error, OSError) else None
+        damage = f"damaged image: {error or type(error).__name__}; {allowed}"
+        problem = f"image cannot be read: {reason}; {allowed}" if reason else damage
+    raise FormatError(path, problem)
 
 
 MaskKind = Literal["keep-out", "speed"]
@@ -285,25 +238,39 @@ def read_mask(
     base, multiplier = (
         number(v, f"mask: {name}:", error=WorldError) for v, name in ((base, "base"), (multiplier, "multiplier"))
     )
-    data: Any = parse_yaml(read_text(path, "expected the YAML file of a nav2 mask"), path)
+    data: Any = read_yaml(path, "expected the YAML file of a nav2 mask")
     if not isinstance(data, dict) or "image" not in data:
         raise FormatError(path, "no mask: expected nav2 map YAML (keys image, resolution, origin)")
     file = _map_file(data, path)
     image = path.parent / file.image
-    values = pixels_of(image, lambda pixels: occupancy(pixels, file))[::-1]
+    values = pixels_of(image, lambda pixels: _occupancy(pixels, file))[::-1]
     x, y, yaw = file.origin
     zones = list[tuple[Polygon, float]]()
     try:
         for value in np.unique(values[values > 0]).tolist():
             percent = base + multiplier * value
-            if (value != LETHAL) if kind == "keep-out" else not 0.0 < percent <= 100.0:
-                continue
-            regions = grid_polygons(values == value, file.resolution, (x, y, yaw))
-            limit = 0.01 * percent * fastest
-            zones += [(region, limit) for region in regions]
+            if value == LETHAL if kind == "keep-out" else 0.0 < percent <= 100.0:
+                regions = grid_polygons(values == value, file.resolution, (x, y, yaw))
+                zones += [(region, 0.01 * percent * fastest) for region in regions]
     except WorldError as error:
         raise FormatError(image, str(error)) from None
     return zones, (path.absolute(), image.absolute())
+
+
+def _occupancy(image: Image, file: MapFile) -> NDArray[np.int8]:
+    """Return the values that nav2 gives to pixels: 0 (free) to 100 (occupied), -1 where they are unknown."""
+    values, full, has_alpha = _channels(image)
+    p = _probability(values.astype(np.int64), full, has_alpha, file)
+    if file.mode == "raw":
+        return np.where(p <= 1.0, np.rint(100.0 * p), -1).astype(np.int8)
+    between, unknown = np.full(p.shape, -1.0), np.zeros(p.shape, np.bool_)
+    if file.mode == "scale":
+        # Where both thresholds are the same, nothing lies between them but that value itself.
+        room = file.occupied_thresh - file.free_thresh
+        between = np.rint(100.0 * (p - file.free_thresh) / (room if room > 0.0 else 1.0))
+        unknown = (values[..., -1] != full) & has_alpha
+    found = np.select([unknown, p > file.occupied_thresh, p < file.free_thresh], [-1.0, 100.0, 0.0], between)
+    return found.astype(np.int8)
 
 
 @checked_arguments(WorldError)
@@ -329,18 +296,14 @@ def save_nav2_map(world: Any, path: str | Path, resolution: Positive = 0.05) -> 
     columns, rows = (int(np.ceil((high - low) / resolution - 1e-6)) for low, high in ((xmin, xmax), (ymin, ymax)))
     check_size(columns, rows)
     grid = np.full((rows, columns), FREE, dtype=np.uint8)
-    estimates = world.estimates or (None,) * len(world.obstacles)
-    nothing_known = [s for s, estimate in zip(world.obstacles, estimates, strict=True) if estimate is None]
-    unknown, solid = (nothing_known, [s for s, e in zip(world.obstacles, estimates, strict=True) if e is not None])
-    if not world.estimates:
-        unknown, solid = [], list(world.obstacles)
-    for shape in unknown:
+    pairs = list(zip(world.obstacles, world.estimates or world.obstacles, strict=True))
+    for shape in [shape for shape, known in pairs if known is None]:
         _fill(grid, shape, UNKNOWN, (xmin, ymin), resolution, 0.0)
     if world.boundary is not None:
         inside = np.zeros_like(grid)
         _fill(inside, world.boundary, 1, (xmin, ymin), resolution, 0.0)
         grid[inside == 0] = UNKNOWN
-    for shape in solid:
+    for shape in [shape for shape, known in pairs if known is not None]:
         _fill(grid, shape, OCCUPIED, (xmin, ymin), resolution, resolution / np.sqrt(2.0))
     return save_nav2_cells(grid, path, resolution, (xmin, ymin))
 

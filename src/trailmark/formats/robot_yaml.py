@@ -11,8 +11,7 @@ import numpy as np
 
 from trailmark.arguments import brief, one_of, real
 from trailmark.errors import FormatError, ShapeError
-from trailmark.formats.files import read_text
-from trailmark.formats.yaml_data import parse_yaml
+from trailmark.formats.yaml_data import read_yaml
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
 if TYPE_CHECKING:
@@ -76,7 +75,7 @@ def read_robot(path: Path) -> dict[str, Any]:
     """
     from trailmark.formats.schema import RobotFile, validate
 
-    data = parse_yaml(read_text(path, _ALLOWED), path)
+    data = read_yaml(path, _ALLOWED)
     entry = data.get("robot", data) if isinstance(data, dict) else None
     try:
         if isinstance(entry, dict) and "shape" in entry:

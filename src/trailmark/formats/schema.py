@@ -1,7 +1,7 @@
 """What may stand in a world file, a robot file and a nav2 map file, as pydantic models.
 
 Strict: a number is not given as text or boolean, NaN and infinity are refused, and so are unknown keys (in the
-world file; nav2 itself ignores them). A field's description says what is allowed, for the JSON Schema.
+world file; nav2 itself ignores them). A type's description says what is allowed, for the JSON Schema.
 """
 
 from __future__ import annotations
@@ -40,37 +40,37 @@ def _as_flag(value: Any) -> Any:
     return 0 if word in ("0", "n", "no", "false", "off") else 1 if word in ("1", "y", "yes", "true", "on") else value
 
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
-Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
-Text = Annotated[str, Field(strict=True)]
-Flag = Annotated[bool, Field(strict=True)]
-Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
-_Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
-_Degrees = Annotated[str, Field(pattern=r"^[-+0-9.eE]+ *deg$")]
-Angle = Annotated[Number, BeforeValidator(_in_radians, json_schema_input_type=float | _Degrees)]
-Pose = Annotated[_Three, BeforeValidator(_in_radians, json_schema_input_type=tuple[float, float, float | _Degrees])]
-Ring = Annotated[list[Point], Field(min_length=3)]
-Matrix = Annotated[list[Annotated[list[Number], Field(min_length=2, max_length=5)]], Field(min_length=2, max_length=5)]
-Share = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)]
-Confidence = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, lt=1.0)]
-Count = Annotated[int, Field(strict=True, ge=1)]
-NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
+def _number(description: str, **limits: float) -> Any:
+    return Field(strict=True, allow_inf_nan=False, description=description, **limits)  # type: ignore[call-overload]  # limits are its own
 
-_NAME = "a text (quote it if it looks like a number)"
-_LENGTH = "a finite number above 0 (metres)"
-_POINT = "a point [x, y] of finite numbers (metres)"
-_RING = "three or more points [x, y] of finite numbers (metres)"
-_ANGLE = "a finite number (radians, counter-clockwise) or degrees such as 90deg"
-_POSE = "a configuration [x, y, theta] of finite numbers (metres, radians or degrees such as 90deg)"
-_KIND = "a mapping with the key shape: disc, rectangle or polygon"
-_ESTIMATE = "a mapping {mean, covariance, share}"
-_ID = "a text that is not empty and names no other obstacle (quote it if it looks like a number)"
-_MOTION = "a mapping {velocity, until}"
-_ZONES = "a list of mappings with the key kind: cost, keep-out, one-way or speed"
-_OBSTACLES = "a list of mappings with the key shape: disc, rectangle or polygon"
-_COUNT = "a whole number, 1 or more"
-_HOLES = "a list of rings, each of " + _RING
+
+def _size(smallest: int, largest: int | None = None, description: str | None = None) -> Any:
+    return Field(min_length=smallest, max_length=largest, description=description)
+
+
+Number = Annotated[float, _number("a finite number")]
+Positive = Annotated[float, _number("a finite number above 0", gt=0.0)]
+Length = Annotated[float, _number("a finite number above 0 (metres)", gt=0.0)]
+NotNegative = Annotated[float, _number("a finite number, 0 or more", ge=0.0)]
+Fraction = Annotated[float, _number("a number from 0 to 1", ge=0.0, le=1.0)]
+Count = Annotated[int, Field(strict=True, ge=1, description="a whole number, 1 or more")]
+Text = Annotated[str, Field(strict=True, description="a text (quote it if it looks like a number)")]
+Flag = Annotated[bool, Field(strict=True)]
+Point = Annotated[list[Number], _size(2, 2, "a point [x, y] of finite numbers (metres)")]
+Ring = Annotated[list[Point], _size(3, None, "three or more points [x, y] of finite numbers (metres)")]
+Placement = Annotated[list[Number], _size(3, 3, "[x, y, yaw] of finite numbers (metres, radians)")]
+Matrix = Annotated[list[Annotated[list[Number], _size(2, 5)]], _size(2, 5, "2 to 5 rows of a symmetric matrix")]
+_Degrees = Annotated[str, Field(pattern=r"^[-+0-9.eE]+ *deg$")]
+Angle = Annotated[
+    float,
+    _number("a finite number (radians, counter-clockwise) or degrees such as 90deg"),
+    BeforeValidator(_in_radians, json_schema_input_type=float | _Degrees),
+]
+Pose = Annotated[
+    list[Number],
+    _size(3, 3, "a configuration [x, y, theta] of finite numbers (metres, radians or degrees such as 90deg)"),
+    BeforeValidator(_in_radians, json_schema_input_type=tuple[float, float, float | _Degrees]),
+]
 
 
 class _Strict(BaseModel):
@@ -78,73 +78,72 @@ class _Strict(BaseModel):
 
 
 class _Robot(_Strict):
-    turning_radius: Positive | None = Field(default=None, description=_LENGTH)
+    turning_radius: Length | None = None
     reverse: Flag | None = Field(default=None, description="true or false (whether it drives backwards too)")
-    drive: Literal["omnidirectional", "differential", "car"] | None = Field(
-        default=None, description="omnidirectional, differential or car"
-    )
+    drive: Literal["omnidirectional", "differential", "car"] | None = None
 
 
 class DiscRobot(_Robot):
     """A round robot about its reference point."""
 
     shape: Literal["disc"]
-    radius: Positive = Field(description=_LENGTH)
+    radius: Length
 
 
 class RectangleRobot(_Robot):
     """A rectangular robot centred on its reference point."""
 
     shape: Literal["rectangle"]
-    length: Positive = Field(description=_LENGTH)
-    width: Positive = Field(description=_LENGTH)
+    length: Length
+    width: Length
 
 
 class PolygonRobot(_Robot):
     """A robot with any simple outline, in its own frame."""
 
     shape: Literal["polygon"]
-    vertices: Ring = Field(description=_RING)
+    vertices: Ring
+
+
+RobotEntry = Annotated[DiscRobot | RectangleRobot | PolygonRobot, Field(discriminator="shape")]
 
 
 class DiscShape(_Strict):
     """A disc."""
 
     shape: Literal["disc"]
-    center: Point = Field(description=_POINT)
-    radius: Positive = Field(description=_LENGTH)
+    center: Point
+    radius: Length
 
 
 class RectangleShape(_Strict):
     """A rectangle, its length along its heading."""
 
     shape: Literal["rectangle"]
-    center: Point = Field(description=_POINT)
-    length: Positive = Field(description=_LENGTH)
-    width: Positive = Field(description=_LENGTH)
-    heading: Angle = Field(default=0.0, description=_ANGLE)
+    center: Point
+    length: Length
+    width: Length
+    heading: Angle = 0.0
 
 
 class PolygonShape(_Strict):
     """A simple polygon, convex or not."""
 
     shape: Literal["polygon"]
-    vertices: Ring = Field(description=_RING)
-    holes: list[Ring] = Field(default=[], description=_HOLES)
+    vertices: Ring
+    holes: list[Ring] = []
 
 
 class EstimateEntry(_Strict):
     """What readings say of an obstacle; the obstacle itself is this, grown for the world's risk."""
 
-    mean: Annotated[DiscShape | RectangleShape | PolygonShape, Field(discriminator="shape")] = Field(description=_KIND)
+    mean: Annotated[DiscShape | RectangleShape | PolygonShape, Field(discriminator="shape")]
     covariance: Matrix = Field(
         description="2 to 5 rows of a symmetric matrix (of x, y and radius, of x, y, heading, length and width, or of "
         "x, y and heading; metres and radians)"
     )
-    share: Share | None = Field(default=None, description="a number above 0 and at most 1 (of the risk)")
-    frame: Literal["start", "map"] | None = Field(
-        default=None, description="start or map (what the covariance is relative to)"
-    )
+    share: Annotated[float, _number("a number above 0 and at most 1 (of the risk)", gt=0.0, le=1.0)] | None = None
+    frame: Literal["start", "map"] | None = Field(default=None, description="what the covariance is relative to")
 
 
 class MotionEntry(_Strict):
@@ -155,9 +154,9 @@ class MotionEntry(_Strict):
 
 
 class _Obstacle(_Strict):
-    id: Text | None = Field(default=None, min_length=1, description=_ID)
-    estimate: EstimateEntry | None = Field(default=None, description=_ESTIMATE)
-    motion: MotionEntry | None = Field(default=None, description=_MOTION)
+    id: Text | None = Field(default=None, min_length=1, description="a text that names no other obstacle")
+    estimate: EstimateEntry | None = None
+    motion: MotionEntry | None = None
 
 
 class DiscObstacle(DiscShape, _Obstacle):
@@ -178,32 +177,30 @@ ObstacleEntry = Annotated[DiscObstacle | RectangleObstacle | PolygonObstacle, Fi
 class ObstacleList(_Strict):
     """Obstacles by themselves, as an edit of a world has them."""
 
-    obstacles: list[ObstacleEntry] = Field(description=_OBSTACLES)
+    obstacles: list[ObstacleEntry]
 
 
 class GridEntry(_Strict):
     """The cells of a grid map, instead of obstacles: they are read as a grid again, not as polygons."""
 
-    rows: Count = Field(description=_COUNT)
-    columns: Count = Field(description=_COUNT)
-    cell: Positive = Field(description=f"{_LENGTH}, a cell's side")
-    origin: _Three = Field(description="[x, y, yaw] of finite numbers (metres, radians) of its outer corner")
+    rows: Count
+    columns: Count
+    cell: Length
+    origin: Placement = Field(description="[x, y, yaw] of finite numbers (metres, radians) of its outer corner")
     occupied: Text = Field(description="base64 of zlib of a bit a cell, row by row, the smallest y first")
 
 
 class RiskEntry(_Strict):
     """What the obstacles that carry estimates are grown for."""
 
-    confidence: Confidence = Field(description="a number above 0 and below 1")
-    pose_covariance: Matrix | None = Field(
-        default=None, description="three rows of a symmetric matrix (of the robot's x, y and theta; metres and radians)"
-    )
+    confidence: Annotated[float, _number("a number above 0 and below 1", gt=0.0, lt=1.0)]
+    pose_covariance: Matrix | None = Field(default=None, description="three rows, of the robot's x, y and theta")
     reach: NotNegative = Field(default=0.0, description="a finite number, 0 or more (metres per radian of heading)")
 
 
 class _Zone(_Strict):
-    vertices: Ring = Field(description=_RING)
-    holes: list[Ring] = Field(default=[], description=_HOLES)
+    vertices: Ring
+    holes: list[Ring] = []
 
 
 class CostZoneEntry(_Zone):
@@ -223,7 +220,7 @@ class OneWayZoneEntry(_Zone):
     """Where the reference point may only travel along a heading, within a tolerance."""
 
     kind: Literal["one-way"]
-    heading: Angle = Field(description=_ANGLE)
+    heading: Angle
     tolerance: Angle = Field(ge=0.0, le=math.pi, description="a number from 0 to pi (radians) or degrees such as 45deg")
 
 
@@ -240,12 +237,12 @@ ZoneEntry = CostZoneEntry | KeepOutZoneEntry | OneWayZoneEntry | SpeedZoneEntry
 class GoalEntry(_Strict):
     """Where a path may end: near a pose, whose heading may be left out, or in a region."""
 
-    pose: Annotated[list[Number], Field(min_length=2, max_length=3), BeforeValidator(_in_radians)] | None = Field(
+    pose: Annotated[list[Number], _size(2, 3), BeforeValidator(_in_radians)] | None = Field(
         default=None, description="[x, y, theta] or, for any heading, [x, y], finite numbers (metres, radians)"
     )
-    region: Ring | None = Field(default=None, description=_RING)
+    region: Ring | None = None
     heading: Angle | None = Field(default=None, description="a finite number (radians; of a region)")
-    position_tolerance: NotNegative = Field(default=0.0, description="a finite number, 0 or more (metres)")
+    position_tolerance: NotNegative = 0.0
     heading_tolerance: Angle = Field(default=0.0, ge=0.0, description="a finite number, 0 or more (radians)")
     cost: Number = Field(default=0.0, description="a finite number, 0 or more (metres, added to a path's cost)")
 
@@ -267,17 +264,17 @@ QueryGoal = Annotated[
 
 
 class QueryEntry(_Strict):
-    """One planning problem."""
+    """One planning problem; its goal is a pose, a mapping {pose or region, …}, or a list of these."""
 
-    name: Text = Field(description=_NAME)
-    start: Pose = Field(description=_POSE)
-    goal: QueryGoal = Field(description=f"{_POSE}, or a mapping {{pose or region, …}}, or a list of these")
+    name: Text
+    start: Pose
+    goal: QueryGoal
 
 
 class RobotFile(BaseModel):
     """A robot file: the robot as a world file has it, under the key ``robot``; other keys are ignored."""
 
-    robot: Annotated[DiscRobot | RectangleRobot | PolygonRobot, Field(discriminator="shape")] = Field(description=_KIND)
+    robot: RobotEntry
 
 
 class WorldFile(_Strict):
@@ -286,20 +283,16 @@ class WorldFile(_Strict):
     model_config = ConfigDict(extra="forbid", title="trailmark world")
 
     trailmark: Literal[1] = Field(description="1 (the schema version)")
-    name: Text | None = Field(default=None, description=_NAME)
-    bounds: Annotated[list[Number], Field(min_length=4, max_length=4)] = Field(
-        description="four finite numbers [xmin, ymin, xmax, ymax] (metres)"
-    )
-    robot: Annotated[DiscRobot | RectangleRobot | PolygonRobot, Field(discriminator="shape")] | None = Field(
-        default=None, description=_KIND
-    )
-    boundary: Ring | None = Field(default=None, description=_RING)
-    obstacles: list[ObstacleEntry] | None = Field(default=None, description=_OBSTACLES)
-    grid: GridEntry | None = Field(default=None, description="a mapping {rows, columns, cell, origin, occupied}")
-    queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
-    zones: list[Annotated[ZoneEntry, Field(discriminator="kind")]] | None = Field(default=None, description=_ZONES)
-    risk: RiskEntry | None = Field(default=None, description="a mapping {confidence, pose_covariance, reach}")
-    not_certified: Text | None = Field(default=None, description="a text (why the estimates are not to be relied on)")
+    name: Text | None = None
+    bounds: Annotated[list[Number], _size(4, 4, "four finite numbers [xmin, ymin, xmax, ymax] (metres)")]
+    robot: RobotEntry | None = None
+    boundary: Ring | None = None
+    obstacles: list[ObstacleEntry] | None = None
+    grid: GridEntry | None = None
+    queries: list[QueryEntry] | None = None
+    zones: list[Annotated[ZoneEntry, Field(discriminator="kind")]] | None = None
+    risk: RiskEntry | None = None
+    not_certified: Text | None = Field(default=None, description="why the estimates are not to be relied on")
 
 
 class MapFile(BaseModel):
@@ -308,14 +301,12 @@ class MapFile(BaseModel):
     model_config = ConfigDict(extra="ignore")
 
     image: Annotated[Text, AfterValidator(expanduser)] = Field(min_length=1, description="the path of an image file")
-    resolution: Positive = Field(description="a finite number above 0 (metres per pixel)")
-    origin: _Three = Field(default=[0.0, 0.0, 0.0], description="[x, y, yaw] of finite numbers (metres, radians)")
-    negate: Annotated[Literal[0, 1], BeforeValidator(_as_flag)] = Field(default=0, description="0 or 1")
-    occupied_thresh: Fraction = Field(default=0.65, description="a number from 0 to 1")
-    free_thresh: Fraction = Field(default=0.196, description="a number from 0 to 1")
-    mode: Annotated[Literal["trinary", "scale", "raw"], BeforeValidator(_in_lower_case)] = Field(
-        default="trinary", description="trinary, scale, raw"
-    )
+    resolution: Length = Field(description="a finite number above 0 (metres per pixel)")
+    origin: Placement = [0.0, 0.0, 0.0]
+    negate: Annotated[Literal[0, 1], BeforeValidator(_as_flag)] = 0
+    occupied_thresh: Fraction = 0.65
+    free_thresh: Fraction = 0.196
+    mode: Annotated[Literal["trinary", "scale", "raw"], BeforeValidator(_in_lower_case)] = "trinary"
 
 
 _GOALS = {"a pose", "one goal", "several goals"}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from trailmark.arguments import each_of, number, one_of, whole
-from trailmark.errors import ConfigurationError, FormatError, expected_name
+from trailmark.errors import ConfigurationError, expected_name
 
 __all__ = ["METHODS", "PLACEMENTS", "STAGES", "Placement", "PlannerSettings"]
 
@@ -119,24 +119,9 @@ class PlannerSettings:
         Raises:
             FormatError: a file that cannot be read, a name that is no setting's, a value out of range.
         """
-        import yaml
+        from trailmark.formats.settings_yaml import read_settings
 
-        from trailmark.formats.files import read_text
-
-        try:
-            given: Any = yaml.safe_load(read_text(Path(path)))
-        except yaml.YAMLError as error:
-            raise FormatError(Path(path), f"expected YAML, got {' '.join(str(error).split())}") from None
-        names = [setting.name for setting in fields(cls)]
-        if not isinstance(given, dict):
-            raise FormatError(Path(path), f"expected lines 'name: value', got {type(given).__name__}")
-        for name in given:
-            if name not in names:
-                raise FormatError(Path(path), f"setting: expected one of {', '.join(names)}, got {name!r}")
-        try:
-            return cls(**given)
-        except ConfigurationError as error:
-            raise FormatError(Path(path), str(error)) from None
+        return read_settings(Path(path), cls())[0]
 
     def to_dict(self) -> dict[str, Any]:
         """Return all settings by name, as JSON has them."""

@@ -5,16 +5,16 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.collections import PolyCollection
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from numpy.typing import NDArray
 
-from trailmark import se2
 from trailmark.errors import OutputError
-from trailmark.plotting.canvas import figure_of, picture_of
-from trailmark.plotting.world import draw_end, draw_world
-from trailmark.shown import GOAL, PATH, TEXT
+from trailmark.plotting.canvas import draw_note, figure_of, picture_of
+from trailmark.plotting.world import draw_end, draw_robots, draw_world
+from trailmark.shown import GOAL, PATH
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -64,16 +64,25 @@ def save_animation(
     """
     from PIL import Image
 
-    target = FilePath(file)
-    if target.suffix.lower() != ".gif":
-        raise OutputError(f"{file}: expected a file that ends in .gif, got {target.suffix or 'no suffix'}")
-    pictures = []
+    pictures, target = [], gif_of(None, file)
     for frame in frames:
-        target = picture_of(frame.world, file)
-        pictures.append(Image.open(io.BytesIO(_drawn(frame, robot, goal))).convert("P", palette=Image.Palette.ADAPTIVE))
+        gif_of(frame.world, file)
+        pictures.append(Image.fromarray(_drawn(frame, robot, goal)).convert("P", palette=Image.Palette.ADAPTIVE))
     if not pictures:
         raise OutputError(f"{file}: expected at least one frame, got none")
     write_gif(target, pictures, seconds)
+
+
+def gif_of(world: World | None, file: str | FilePath) -> FilePath:
+    """Return the file for an animation in a world.
+
+    Raises:
+        OutputError: another suffix than ``.gif``, or a file that the world was read from.
+    """
+    path = FilePath(file)
+    if path.suffix.lower() != ".gif":
+        raise OutputError(f"{file}: expected a file that ends in .gif, got {path.suffix or 'no suffix'}")
+    return path if world is None else picture_of(world, path)
 
 
 def save_trajectory_animation(file: str | FilePath, trajectory: Trajectory, world: World, robot: Robot) -> None:
@@ -104,8 +113,8 @@ def write_gif(file: FilePath, pictures: Sequence[Image], seconds: float) -> None
     write_atomically(file, data.getvalue())
 
 
-def _drawn(frame: Frame, robot: Robot, goal: FloatArray | None) -> bytes:
-    """Return a frame as PNG."""
+def _drawn(frame: Frame, robot: Robot, goal: FloatArray | None) -> NDArray[np.uint8]:
+    """Return a frame's picture, shape (height, width, 3)."""
     figure, axes = figure_of(frame.world)
     figure.set_dpi(_DPI)
     draw_world(axes, frame.world)
@@ -113,10 +122,8 @@ def _drawn(frame: Frame, robot: Robot, goal: FloatArray | None) -> bytes:
         draw_end(axes, robot, goal, GOAL, "s", "goal")
     if frame.path is not None:
         axes.plot(*frame.path.states[:, :2].T, color=PATH, lw=2.0, zorder=6.0, solid_joinstyle="round")
-    body = se2.transform(np.asarray(frame.robot_at), robot.outline.vertices)
-    axes.add_collection(PolyCollection([body], facecolors=PATH, edgecolors="white", zorder=7.0), autolim=False)
-    note = axes.annotate(frame.note, (0.0, 1.0), xytext=(0, 8), xycoords="axes fraction", textcoords="offset points")
-    note.set(fontsize=10, color=TEXT, parse_math=False)
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=_DPI)
-    return data.getvalue()
+    draw_robots(axes, robot, [frame.robot_at], PATH, "white", 1.0, 7.0)
+    draw_note(axes, frame.note, 8)
+    canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -1,11 +1,10 @@
-"""What every picture is made of: what it is of, colours, figures and axes, filled regions, lines, legends, files."""
+"""What every picture is made of: figures and axes, filled regions, lines, cells, legends, files."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -13,39 +12,36 @@ import matplotlib
 import numpy as np
 import shapely
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.errors import ConfigurationError, OutputError
+from trailmark.errors import OutputError
 from trailmark.shown import TEXT
-from trailmark.world import Robot, World
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trailmark.planning import PlanResult
-    from trailmark.roadmap import Roadmap
-    from trailmark.trajectories import Path
+    from trailmark.world import World
 
 __all__ = [
     "DPI",
     "LONG_SIDE",
     "PICTURE_SUFFIXES",
-    "Scene",
     "annotate",
-    "draw_legend",
     "draw_lines",
+    "draw_note",
+    "entries_of",
     "figure_of",
     "fill",
     "picture_of",
-    "plan_facts",
     "points_per_metre",
-    "scene_of",
     "set_limits",
+    "show_image",
     "tidy",
     "view",
-    "world_facts",
     "write",
 ]
 
@@ -53,21 +49,6 @@ PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 LONG_SIDE = 7.5  # inches of the axes
 DPI = 160
-_LEGEND = [
-    "start",
-    "goal",
-    "path",
-    "robot",
-    "robot along the path",
-    "collides",
-    "least clearance",
-    "repaired path",
-    "landmark",
-    "edge, certified",
-    "edge, not checked",
-]
-_LEGEND += ["obstacle", "C-obstacle at every heading", "outside", "keep-out zone", "one-way zone"]
-_LEGEND += ["avoid (cost zone)", "prefer (cost zone)", "speed zone"]
 
 
 def view(world: World) -> tuple[float, float, float, float]:
@@ -108,23 +89,11 @@ def figure_of(world: World, new_figure: Callable[..., Figure] = Figure) -> tuple
 
 def annotate(figure: Figure, axes: Axes, title: str, facts: str) -> None:
     """Write title and facts above the axes and the legend beside or, where they are wide, below."""
-    lines: list[tuple[str, int, dict[str, Any]]] = [
-        (title, 20, {"fontsize": 12, "fontweight": "bold"}),
-        (facts, 6, {"fontsize": 9, "color": TEXT}),
-    ]
-    for text, up, style in lines:
-        room = max(72, int(axes.bbox.width * 72.0 / figure.dpi / (0.6 * style["fontsize"])))
-        short = text if len(text) <= room else text[: room - 1] + "…"
-        note = axes.annotate(short, (0.0, 1.0), xytext=(0, up), xycoords="axes fraction", textcoords="offset points")
-        note.set(va="bottom", ha="left", parse_math=False, **style)
-    artists, labels = axes.get_legend_handles_labels()
-    entries = {label: artists[labels.index(label)] for label in sorted(set(labels), key=_LEGEND.index)}
-    draw_legend(figure, axes, entries)
-
-
-def draw_legend(figure: Figure, axes: Axes, entries: Mapping[str, Any]) -> None:
-    """Draw the legend (handles by their labels) beside the axes or, where they are wide, below."""
-    wide = axes.bbox.width > 1.15 * axes.bbox.height
+    for text, up, size, weight, colour in ((title, 20, 12, "bold", "black"), (facts, 6, 9, "normal", TEXT)):
+        room = max(72, int(axes.bbox.width * 72.0 / figure.dpi / (0.6 * size)))
+        note = draw_note(axes, text if len(text) <= room else text[: room - 1] + "…", up)
+        note.set(fontsize=size, fontweight=weight, color=colour)
+    wide, entries = axes.bbox.width > 1.15 * axes.bbox.height, entries_of([axes])
     axes.legend(
         entries.values(),
         entries.keys(),
@@ -136,6 +105,22 @@ def draw_legend(figure: Figure, axes: Axes, entries: Mapping[str, Any]) -> None:
         borderaxespad=0.0,
         handlelength=1.6,
     )
+
+
+def draw_note(axes: Axes, text: str, up: float) -> Any:
+    """Write a line above the axes, ``up`` points from them; return it, to be set further."""
+    note = axes.annotate(text, (0.0, 1.0), xytext=(0, up), xycoords="axes fraction", textcoords="offset points")
+    note.set(va="bottom", ha="left", color=TEXT, parse_math=False)
+    return note
+
+
+def entries_of(all_axes: Sequence[Axes]) -> dict[str, Any]:
+    """Return the artists of a legend by their labels, what lies on top first."""
+    found: dict[str, Any] = {}
+    for axes in all_axes:
+        for artist, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, artist)
+    return dict(sorted(found.items(), key=lambda entry: -entry[1].get_zorder()))
 
 
 def fill(axes: Axes, regions: Any, colour: str, zorder: float, **style: Any) -> None:
@@ -174,6 +159,15 @@ def draw_lines(axes: Axes, lines: se2.FloatArray, colour: str, width: float, zor
     )
 
 
+def show_image(axes: Axes, pixels: NDArray[Any], origin: tuple[float, float], cell: float, **style: Any) -> AxesImage:
+    """Show cells, row 0 with the smallest y; not by axes.imshow, which sets limits and aspect anew."""
+    (rows, columns), (x, y) = pixels.shape[:2], origin
+    image = AxesImage(axes, origin="lower", extent=(x, x + columns * cell, y, y + rows * cell), **style)
+    image.set_data(pixels)
+    axes.add_image(image)
+    return image
+
+
 def points_per_metre(axes: Axes) -> float:
     """Return how many typographic points a metre takes on axes whose limits are set."""
     (left, low), (right, high) = axes.transData.transform([(0.0, 0.0), (1.0, 1.0)])
@@ -210,88 +204,3 @@ def write(figure: Figure, file: FilePath) -> None:
     with matplotlib.rc_context({"svg.hashsalt": "trailmark"}):
         figure.savefig(buffer, format=kind[1:], dpi=DPI, bbox_inches="tight", pad_inches=0.12, metadata=metadata)
     write_atomically(file, buffer.getvalue())
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What a picture is of.
-
-    Attributes:
-        title: a name.
-        facts: a line about it.
-        world: None for a robot on its own.
-        robot: None if there is none.
-        roadmap: None if there is none.
-        path: None if there is none.
-        start: configuration; None if there is none.
-        goal: configuration, or goals; None if there is none.
-        queries: whether the world's queries belong to it.
-    """
-
-    title: str
-    facts: str
-    world: World | None = None
-    robot: Robot | None = None
-    roadmap: Roadmap | None = None
-    path: Path | None = None
-    start: tuple[float, float, float] | None = None
-    goal: Any = None
-    queries: bool = False
-
-
-def scene_of(shown: object, robot: Robot | None = None, roadmap: Roadmap | None = None) -> Scene:
-    """Return the picture of a world, a robot, a roadmap or a result.
-
-    Args:
-        shown: what is shown.
-        robot: in the place of its own.
-        roadmap: shown as well.
-
-    Raises:
-        ConfigurationError: something else, or a result that does not know its world and robot.
-    """
-    if isinstance(shown, Robot):
-        return Scene("robot", shown.describe(), robot=shown)
-    if isinstance(shown, World):
-        body = robot or shown.robot
-        return Scene(shown.name, world_facts(shown), shown, body, roadmap, queries=True)
-    # Later, since these bring in all that plans.
-    from trailmark.planning import PlanResult
-    from trailmark.roadmap import Roadmap
-
-    if isinstance(shown, Roadmap):
-        world, body = shown.checker.world, robot or shown.checker.robot
-        facts = f"{len(shown):,} landmarks · {len(shown.edges):,} edges · {body.describe()}"
-        return Scene(world.name, facts, world, body, shown)
-    if not isinstance(shown, PlanResult) or shown.world is None or shown.robot is None:
-        raise ConfigurationError(f"picture: expected a result that knows its world and robot, got {shown!r:.80}")
-    body = robot or shown.robot
-    facts = plan_facts(shown, body)
-    return Scene(shown.world.name, facts, shown.world, body, roadmap, shown.path, shown.start, shown.target)
-
-
-def world_facts(world: World) -> str:
-    """Return size, obstacles, queries and robot of a world in a line."""
-    facts = [f"{world.bounds[2] - world.bounds[0]:g} × {world.bounds[3] - world.bounds[1]:g} m"]
-    facts.append(f"{len(world.obstacles):,} obstacle{'' if len(world.obstacles) == 1 else 's'}")
-    facts.append(f"{len(world.queries):,} quer{'y' if len(world.queries) == 1 else 'ies'}")
-    facts.append(world.robot.describe() if world.robot else "no robot")
-    return " · ".join(facts)
-
-
-def plan_facts(result: PlanResult, robot: Robot) -> str:
-    """Return what a plan found in a line: cost, length, turning, time and robot."""
-    from trailmark.trajectories import CurvePath
-
-    seconds = f"{result.time.get('total') or math.nan:.3g} s"
-    if result.path is not None:
-        path = result.path
-        facts = f"cost {path.cost:.4g} = {path.length:.4g} m + {se2.ROTATION_WEIGHT:g} × {path.rotation:.3g} rad"
-        if result.objective is not None or result.goal is not None:
-            # Not the sum of length and turning alone.
-            facts = f"cost {result.cost:.4g}, {path.length:.4g} m, {path.rotation:.3g} rad"
-        if isinstance(path, CurvePath):
-            facts = f"{path.length:.4g} m, {path.cusps} changes of direction"
-        return f"{facts} · {seconds} · {robot.describe()}"
-    why = "no path exists (proven)" if result.status == "infeasible" else f"no path found in {seconds}"
-    return f"{why} · {robot.describe()}"

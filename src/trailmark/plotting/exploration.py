@@ -9,19 +9,23 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
-from matplotlib.image import AxesImage
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
-from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.errors import OutputError
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.exploration.result import History
-from trailmark.plotting.animation import write_gif
-from trailmark.plotting.canvas import annotate, draw_legend, figure_of, picture_of, points_per_metre, set_limits, write
-from trailmark.plotting.world import draw_end
+from trailmark.plotting.animation import gif_of, write_gif
+from trailmark.plotting.canvas import (
+    annotate,
+    draw_note,
+    figure_of,
+    picture_of,
+    points_per_metre,
+    set_limits,
+    show_image,
+    write,
+)
+from trailmark.plotting.world import HALO, draw_end
 from trailmark.shown import GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START, TEXT
 
 if TYPE_CHECKING:
@@ -43,6 +47,9 @@ NUMBER_ROOM = np.array([15.0, 9.0])
 DPI, MAX_CELLS = 80, 150_000
 """Of an animation: about a cell for two pixels."""
 
+MARK: dict[str, Any] = {"color": LANDMARK, "marker": "o", "ls": "none", "ms": 5.0, "mec": "white", "mew": 0.8}
+"""Of a landmark."""
+
 
 def save_exploration_figure(file: str | FilePath, result: ExplorationResult) -> None:
     """Write a picture of what an exploration found, and of the robot's way.
@@ -55,45 +62,36 @@ def save_exploration_figure(file: str | FilePath, result: ExplorationResult) -> 
         OutputError: another suffix, or a file that cannot be written.
     """
     figure, axes = figure_of(result.world)
-    entries = draw_exploration(axes, result)
-    annotate(figure, axes, result.world.name, _facts(result))
-    draw_legend(figure, axes, entries)
+    draw_exploration(axes, result)
+    last = result.history[-1]
+    facts = [result.status, f"{last.area:,.1f} m² known", f"{last.distance:,.1f} m driven in {last.time:,.0f} s"]
+    facts.append(f"{_plural(last.landmarks)} ({result.strategy})")
+    facts += [] if result.evaluation is None else [f"{result.evaluation.seen:.1%} seen"]
+    annotate(figure, axes, result.world.name, " · ".join(facts))
     write(figure, picture_of(result.world, file))
 
 
-def draw_exploration(axes: Axes, result: ExplorationResult) -> dict[str, Any]:
-    """Draw the cells, the robot's way coloured by time, and its landmarks; return the legend's entries.
-
-    Sets limits and an equal aspect.
-    """
+def draw_exploration(axes: Axes, result: ExplorationResult) -> None:
+    """Draw the cells, the robot's way coloured by time, and its landmarks; sets limits and an equal aspect."""
     set_limits(axes, result.world)
     history, known = History.of(result.history), result.known
-    _show_cells(axes, known.origin, known.cell, picture_of_cells(known.state))
+    show_image(axes, picture_of_cells(known.state), known.origin, known.cell, interpolation="nearest", zorder=0.5)
+    for face, edge, label in ((OBSTACLE, OBSTACLE, "occupied"), ("white", MARGIN, "free"), (MARGIN, MARGIN, "unknown")):
+        axes.plot([], [], "s", ms=8.0, color=face, mec=edge, zorder=0.5, label=label)
     way, time = history.figures[:, 5:7], history.figures[:, 0]
     pieces = LineCollection(list(np.stack([way[:-1], way[1:]], axis=1)), array=time[:-1], cmap=TIME_COLOURS)
     pieces.set(linewidths=1.6, zorder=4.0, capstyle="round")
     pieces.set_clim(time[0], max(time[-1], time[0] + 1e-9))
     axes.add_collection(pieces, autolim=False)
     bar = axes.inset_axes((1.03, 0.0, 0.02, 0.45))
-    scale = axes.figure.colorbar(pieces, cax=bar)
-    scale.outline.set_visible(False)
+    axes.figure.colorbar(pieces, cax=bar).outline.set_visible(False)
     bar.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
     bar.set_title("time [s]", fontsize=7, color=TEXT, loc="left")
-    _draw_marks(axes, history.landmarks())
-    _number_landmarks(axes, history.landmarks())
-    for q, colour, marker, label in (
-        (history.figures[0, 5:], START, "o", "_"),
-        (history.figures[-1, 5:], GOAL, "s", "_"),
-    ):
-        draw_end(axes, result.world.robot, q, colour, marker, label)
-    return {
-        "occupied": Patch(fc=OBSTACLE),
-        "free": Patch(fc="white", ec=MARGIN),
-        "unknown": Patch(fc=MARGIN),
-        "landmarks, in their order": Line2D([], [], color=LANDMARK, marker="o", ls="none", mec="white", ms=8),
-        "start": Line2D([], [], color=START, marker="o", ls="none", mec="white"),
-        "end": Line2D([], [], color=GOAL, marker="s", ls="none", mec="white"),
-    }
+    landmarks = history.landmarks()
+    axes.plot(*landmarks[:, :2].T, zorder=6.0, label="landmarks, in their order", **MARK)
+    _number_landmarks(axes, landmarks)
+    draw_end(axes, result.world.robot, history.figures[0, 5:], START, "o", "start")
+    draw_end(axes, result.world.robot, history.figures[-1, 5:], GOAL, "s", "end")
 
 
 def picture_of_cells(state: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -123,11 +121,6 @@ def coarse(
     return found, times, size * cell
 
 
-def _draw_marks(axes: Axes, landmarks: se2.FloatArray) -> Line2D:
-    (marks,) = axes.plot(*landmarks[:, :2].T, "o", color=LANDMARK, ms=5.0, mec="white", mew=0.8, zorder=6.0)
-    return marks
-
-
 def _number_landmarks(axes: Axes, landmarks: se2.FloatArray) -> None:
     """Write their numbers beside landmarks, shape (k, 3), where there is room."""
     numbered, room = list[int](), NUMBER_ROOM / points_per_metre(axes)
@@ -135,7 +128,7 @@ def _number_landmarks(axes: Axes, landmarks: se2.FloatArray) -> None:
         if (np.abs(landmarks[numbered, :2] - at) < room).all(axis=1).any():
             continue
         note = axes.annotate(str(i + 1), at, xytext=(4, 3), textcoords="offset points", zorder=9.0)
-        note.set(fontsize=7, color=LANDMARK, path_effects=[withStroke(linewidth=2.0, foreground="white")])
+        note.set(fontsize=7, color=LANDMARK, path_effects=HALO)
         numbered.append(i)
 
 
@@ -149,9 +142,7 @@ def save_exploration_animation(file: str | FilePath, result: ExplorationResult) 
     """
     from PIL import Image
 
-    target = picture_of(result.world, file)
-    if target.suffix.lower() != ".gif":
-        raise OutputError(f"{file}: expected a file that ends in .gif, got {target.suffix or 'no suffix'}")
+    target = gif_of(result.world, file)
     rows = np.unique(np.linspace(0, len(result.history) - 1, MAX_FRAMES).astype(int))
     film = _Film(result)
     last = Image.fromarray(film.drawn(int(rows[-1])))
@@ -169,64 +160,43 @@ class _Film:
     """The figure of an animation, of which each frame draws only what moves."""
 
     def __init__(self, result: ExplorationResult) -> None:
-        self.result, self.history = result, History.of(result.history)
-        known = result.known
+        self.result, self.history, known = result, History.of(result.history), result.known
         state, self.first_known, cell = coarse(known.state, result.first_known, known.cell, MAX_CELLS)
         self.cells, self.unknown = picture_of_cells(state), picture_of_cells(np.full_like(state, UNKNOWN))
         figure, axes = figure_of(result.world)
         figure.set_dpi(DPI)
         canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
-        self.canvas = canvas
-        self.axes = axes
+        self.canvas, self.axes = canvas, axes
         set_limits(axes, result.world)
         canvas.draw()
         self.empty = canvas.copy_from_bbox(figure.bbox)
-        self.image = _show_cells(axes, known.origin, cell, self.unknown)
-        (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6, zorder=4.0)
-        (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), zorder=5.0)
-        (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0, zorder=6.5)
+        self.image = show_image(axes, self.unknown, known.origin, cell, interpolation="nearest")
+        (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6)
+        (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)))
+        (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0)
+        (self.marks,) = axes.plot([], [], **MARK)
         self.landmarks = self.history.landmarks()
-        self.marks = _draw_marks(axes, self.landmarks)
-        self.body = PolyCollection([], facecolors=PATH, edgecolors="white", zorder=7.0)
+        self.body = PolyCollection([], facecolors=PATH, edgecolors="white")
         axes.add_collection(self.body, autolim=False)
-        self.note = axes.annotate("", (0.0, 1.0), xytext=(0, 8), xycoords="axes fraction", textcoords="offset points")
-        self.note.set(fontsize=10, color=TEXT, parse_math=False)
+        self.note = draw_note(axes, "", 8)
 
     def drawn(self, i: int) -> NDArray[np.uint8]:
         """Return the picture of a row of the history, shape (height, width, 3)."""
-        row, result = self.result.history[i], self.result
+        row, robot = self.result.history[i], self.result.world.robot
+        nothing = np.empty((2, 0))
         known = self.first_known <= np.float32(row.time)
         self.image.set_data(np.where(known[..., None], self.cells, self.unknown))
         self.way.set_data(*self.history.figures[: i + 1, 5:7].T)
-        self.path.set_data(*(np.empty((2, 0)) if row.path is None else row.path[:, :2].T))
-        self.target.set_data(*(np.empty((2, 0)) if row.target is None else row.target[:2, None]))
-        outline = None if result.world.robot is None else result.world.robot.outline.vertices
-        self.body.set_verts([] if outline is None else [se2.transform(row.pose, outline)])
-        self.note.set_text(
-            f"{row.time:.0f} s   {row.area:.0f} m² known   {row.distance:.1f} m driven   {_plural(row.landmarks)}"
-        )
+        self.path.set_data(*(nothing if row.path is None else row.path[:, :2].T))
+        self.target.set_data(*(nothing if row.target is None else row.target[:2, None]))
         self.marks.set_data(*self.landmarks[: row.landmarks, :2].T)
+        self.body.set_verts([] if robot is None else [se2.transform(row.pose, robot.outline.vertices)])
+        facts = f"{row.time:.0f} s   {row.area:.0f} m² known   {row.distance:.1f} m driven"
+        self.note.set_text(f"{facts}   {_plural(row.landmarks)}")
         self.canvas.restore_region(self.empty)
         for artist in (self.image, self.way, self.path, self.marks, self.target, self.body, self.note):
             self.axes.draw_artist(artist)
         return np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
-
-
-def _show_cells(axes: Axes, origin: tuple[float, float], cell: float, cells: NDArray[np.uint8]) -> AxesImage:
-    (rows, columns, _), (x, y) = cells.shape, origin
-    ends = (x, x + columns * cell, y, y + rows * cell)
-    # Not by axes.imshow, which sets limits and aspect anew.
-    image = AxesImage(axes, origin="lower", extent=ends, interpolation="nearest", zorder=0.5)
-    image.set_data(cells)
-    axes.add_image(image)
-    return image
-
-
-def _facts(result: ExplorationResult) -> str:
-    last, told = result.history[-1], result.evaluation
-    facts = [result.status, f"{last.area:,.1f} m² known", f"{last.distance:,.1f} m driven in {last.time:,.0f} s"]
-    facts.append(f"{_plural(last.landmarks)} ({result.strategy})")
-    return " · ".join(facts + ([] if told is None else [f"{told.seen:.1%} seen"]))
 
 
 def _plural(landmarks: int) -> str:

@@ -14,10 +14,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 
-from trailmark.plotting.canvas import DPI, fill, picture_of, set_limits, tidy, view, write
+from trailmark.plotting.canvas import DPI, entries_of, fill, picture_of, set_limits, tidy, view, write
 from trailmark.plotting.plan import draw_plan
-from trailmark.plotting.world import draw_end, draw_goal, regions_of
-from trailmark.shown import HATCH, LANDMARK, OUTSIDE, START, TEXT
+from trailmark.plotting.world import draw_ground, regions_of
+from trailmark.shown import AVOID, COLLISION, LANDMARK, PATH, REPAIRED, TEXT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,24 +30,10 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_execution", "draw_initial_execution", "draw_landmarks", "save_landmarks_figure"]
 
-BLACK, GREY = "#000000", "#c3c6cc"
-FORBIDDEN, ENCLOSED, VALID = "#d55e00", "#cc79a7", "#0072b2"
+FORBIDDEN, ENCLOSED, VALID, UNUSABLE = AVOID, REPAIRED, PATH, COLLISION
 
 _SHOWN_POINTS = 4000
-_PANEL = 12.0  # square inches of a panel
-_LEGEND = ["obstacle", "C-obstacle", "C-obstacle at every heading", "outside"]
-_LEGEND += ["valid point", "forbidden point", "enclosed point", "obstacle's box"]
-_LEGEND += [
-    "edge, certified",
-    "landmark",
-    "K-means centre",
-    "centre that the robot cannot use",
-    "moved to",
-    "start",
-    "goal",
-    "path",
-]
-_LEGEND += ["robot along the path"]
+_PANEL, _GAP = 12.0, 0.45  # square inches of a panel; inches between panels
 
 
 def save_landmarks_figure(
@@ -73,40 +59,51 @@ def save_landmarks_figure(
     Raises:
         OutputError: another suffix, a file that cannot be written, or one that the world was read from.
     """
-    grown = [False, True, False, *(False for _ in executions), True, *(True for _ in planned)]
-    figure, all_axes = _grid(world, len(grown))
-    regions = regions_of(world, robot)
+    first, k = executions[0], len(executions[0].centres)
+    solid, margin, inside = regions_of(world, robot)
     # A disc has the same C-obstacle at every heading; of others it is what all headings have in common.
     name = "C-obstacle" if robot.sweep_radius == 0.0 else "C-obstacle at every heading"
-    for axes, margin in zip(all_axes, grown, strict=True):
-        _draw_ground(axes, world, regions, name if margin else None)
-    rest = iter(all_axes)
-    _title(next(rest), "workspace")
-    _title(next(rest), f"C-space: grown by {robot.describe()}")
-    axes = next(rest)
-    draw_initial_execution(axes, executions[0])
-    _title(axes, f"initial execution: {len(executions[0].samples):,} points")
+    figure, panels = _grid(world, 4 + len(executions) + len(planned))
+    rest = iter(panels)
+
+    def panel(title: str, grown: bool) -> Axes:
+        axes = next(rest)
+        set_limits(axes, world, labels=False)
+        draw_ground(axes, world, solid, margin if grown else (), inside, grown=name)
+        axes.set_title(title, fontsize=8.5, loc="left", pad=4.0, color=TEXT, parse_math=False)
+        return axes
+
+    panel("workspace", False)
+    panel(f"C-space: grown by {robot.describe()}", True)
+    draw_initial_execution(panel(f"initial execution: {len(first.samples):,} points", False), first)
     for number, execution in zip(count(1), executions, strict=False):
-        axes = next(rest)
-        draw_execution(axes, execution, world.bounds)
         forbidden = int(execution.forbidden.sum())
-        _title(axes, f"execution {number}: {forbidden:,} forbidden, {len(execution.samples) - forbidden:,} valid")
-    axes = next(rest)
-    draw_landmarks(axes, executions[0])
-    _title(axes, f"landmarks, k = {len(executions[0].centres)}")
-    for query in [query for query, _, _ in planned][:1] or world.queries[:1]:
-        _draw_ends(axes, robot, query)
-        _title(axes, f"landmarks, k = {len(executions[0].centres)}; {query.name}")
+        valid = len(execution.samples) - forbidden
+        axes = panel(f"execution {number}: {forbidden:,} forbidden, {valid:,} valid", False)
+        draw_execution(axes, execution, world.bounds)
+    query = next(iter([query for query, _, _ in planned] or world.queries), None)
+    axes = panel(f"landmarks, k = {k}" + (f"; {query.name}" if query else ""), True)
+    draw_landmarks(axes, first)
+    if query is not None:
+        draw_plan(axes, robot, None, None, query.start, query.goals)
     for query, roadmap, path in planned:
-        axes = next(rest)
-        draw_plan(axes, robot, path, roadmap, query.start, query.goals)
-        k = len(executions[0].repaired)
-        answer = f"the {k} landmarks do not connect it" if path is None else f"over {k} landmarks, cost {path.cost:.4g}"
-        _title(axes, f"{query.name}: {answer}")
-    title = f"{world.name}: {len(executions[0].samples):,} points, k = {len(executions[0].centres)}"
+        landmarks = f"{len(first.repaired)} landmarks"
+        answer = f"the {landmarks} do not connect it" if path is None else f"over {landmarks}, cost {path.cost:.4g}"
+        draw_plan(panel(f"{query.name}: {answer}", True), robot, path, roadmap, query.start, query.goals)
     style: dict[str, Any] = {"fontsize": 13, "fontweight": "bold", "parse_math": False}
+    title = f"{world.name}: {len(first.samples):,} points, k = {k}"
     figure.text(0.0, 1.0 + 0.3 / figure.get_figheight(), title, ha="left", va="bottom", **style)
-    _legend(figure, all_axes)
+    entries = entries_of(panels)
+    figure.legend(
+        entries.values(),
+        entries.keys(),
+        loc="upper left",
+        bbox_to_anchor=(0.0, -0.45 / figure.get_figheight()),
+        ncols=max(1, min(len(entries), int(figure.get_figwidth() / 2.3))),
+        fontsize=8.5,
+        frameon=False,
+        borderaxespad=0.0,
+    )
     write(figure, picture_of(world, file))
 
 
@@ -114,8 +111,7 @@ def draw_initial_execution(axes: Axes, execution: Execution) -> None:
     """Draw all points drawn, the forbidden ones apart, and the boxes that forbid them."""
     points, shown = execution.samples[:, :2], _shown(len(execution.samples))
     boxes = shapely.box(*execution.boxes.T) if len(execution.boxes) else []
-    style: dict[str, Any] = {"edgecolor": FORBIDDEN, "linewidth": 0.8}
-    fill(axes, boxes, "none", 3.5, label="obstacle's box", **style)
+    fill(axes, boxes, "none", 3.5, label="obstacle's box", edgecolor=FORBIDDEN, linewidth=0.8)
     inside = execution.forbidden & ~execution.enclosed
     for mask, marker, colour, label in (
         (~execution.forbidden, ".", VALID, "valid point"),
@@ -164,26 +160,7 @@ def _draw_centres(axes: Axes, centres: NDArray[np.float64], invalid: NDArray[np.
         axes.plot(*centres[~invalid].T, "o", ms=size, color=LANDMARK, label="K-means centre", **style)
     if invalid.any():
         label = "centre that the robot cannot use"
-        axes.plot(*centres[invalid].T, "X", ms=size + 1.0, color=FORBIDDEN, label=label, **style)
-
-
-def _draw_ground(axes: Axes, world: World, regions: tuple[Any, Any, Any], margin: str | None) -> None:
-    """Draw obstacles black and, under its name, the grown margin grey, as the source does."""
-    solid, grown, inside = regions
-    window, bounds = view(world), shapely.box(*world.bounds)
-    fill(axes, [shapely.box(*window).difference(inside)], OUTSIDE, 0.5, edgecolor=HATCH, hatch="////", label="outside")
-    if margin is not None:
-        # Where obstacles reach out of bounds, so does what is grown from them.
-        fill(axes, shapely.intersection(grown, bounds) if len(grown) else grown, GREY, 1.0, label=margin)
-    fill(axes, shapely.intersection(solid, bounds) if len(solid) else solid, BLACK, 1.5, label="obstacle")
-    fill(axes, [inside], "none", 2.5, edgecolor=BLACK, linewidth=1.0)
-    set_limits(axes, world, labels=False)
-
-
-def _draw_ends(axes: Axes, robot: Robot, query: Query) -> None:
-    draw_end(axes, robot, np.asarray(query.start), START, "o", "start")
-    for goal in query.goals:
-        draw_goal(axes, robot, goal, np.asarray(query.start))
+        axes.plot(*centres[invalid].T, "X", ms=size + 1.0, color=UNUSABLE, label=label, **style)
 
 
 def _grid(world: World, panels: int) -> tuple[Figure, list[Axes]]:
@@ -191,40 +168,22 @@ def _grid(world: World, panels: int) -> tuple[Figure, list[Axes]]:
     xmin, ymin, xmax, ymax = view(world)
     ratio = min(max((xmax - xmin) / (ymax - ymin), 0.25), 4.0)
     width, height = math.sqrt(_PANEL * ratio), math.sqrt(_PANEL / ratio)
-    gap = 0.45
 
-    def shape(columns: int) -> float:
-        return columns * (width + gap) / (math.ceil(panels / columns) * (height + gap))
+    def misfit(columns: int) -> float:
+        # An empty place counts a little, so that the last row is full where it can be.
+        shape = columns * (width + _GAP) / (math.ceil(panels / columns) * (height + _GAP))
+        return abs(math.log(shape / 1.5)) + 0.1 * (-panels % columns)
 
-    # An empty place counts a little, so that the last row is full where it can be.
-    columns = min(range(1, panels + 1), key=lambda c: abs(math.log(shape(c) / 1.5)) + 0.1 * (-panels % c))
+    columns = min(range(1, panels + 1), key=misfit)
     rows = math.ceil(panels / columns)
-    figure = Figure(figsize=(columns * (width + gap), rows * (height + gap)), dpi=DPI, facecolor="white")
+    figure = Figure(figsize=(columns * (width + _GAP), rows * (height + _GAP)), dpi=DPI, facecolor="white")
     grid = figure.subplots(rows, columns, squeeze=False)
-    figure.subplots_adjust(0.0, 0.0, 1.0, 1.0, wspace=gap / width, hspace=gap / height)
-    for i, axes in enumerate(grid.flat):
-        if i >= panels:
-            axes.remove()
-            continue
+    figure.subplots_adjust(0.0, 0.0, 1.0, 1.0, wspace=_GAP / width, hspace=_GAP / height)
+    for axes in grid.flat[panels:]:
+        axes.remove()
+    for axes in grid.flat[:panels]:
         tidy(axes, 7)
     return figure, list(grid.flat[:panels])
-
-
-def _legend(figure: Figure, all_axes: Sequence[Axes]) -> None:
-    entries: dict[str, Any] = {}
-    for axes in all_axes:
-        for artist, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, artist)
-    labels = sorted(entries, key=_LEGEND.index)
-    bottom = -0.45 / figure.get_figheight()
-    columns = max(1, min(len(labels), int(figure.get_figwidth() / 2.3)))
-    handles = [entries[label] for label in labels]
-    style: dict[str, Any] = {"fontsize": 8.5, "frameon": False, "borderaxespad": 0.0}
-    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(0.0, bottom), ncols=columns, **style)
-
-
-def _title(axes: Axes, text: str) -> None:
-    axes.set_title(text, fontsize=8.5, loc="left", pad=4.0, color=TEXT, parse_math=False)
 
 
 def _shown(n: int) -> NDArray[np.bool_]:

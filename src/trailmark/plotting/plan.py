@@ -8,14 +8,27 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from trailmark import se2
-from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, plan_facts, points_per_metre, write
-from trailmark.plotting.world import draw_end, draw_goal, draw_world
-from trailmark.shown import ALL, BODY, CANDIDATE, COLLISION, EDGE, GOAL, LANDMARK, PATH, REPAIRED, START, TEXT, Layers
+from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, points_per_metre, tidy, write
+from trailmark.plotting.world import draw_end, draw_goal, draw_robots, draw_world
+from trailmark.shown import (
+    ALL,
+    AVOID,
+    BODY,
+    CANDIDATE,
+    COLLISION,
+    EDGE,
+    GOAL,
+    LANDMARK,
+    PATH,
+    REPAIRED,
+    START,
+    TEXT,
+    Layers,
+)
 from trailmark.verify.motions import Motions, merged
 from trailmark.world.goals import goals_of
 
@@ -31,7 +44,7 @@ if TYPE_CHECKING:
     from trailmark.world import Robot, World
     from trailmark.world.goals import Goal
 
-__all__ = ["add_progress", "draw_audit", "draw_plan", "draw_progress", "save_audit_figure", "save_plan_figure"]
+__all__ = ["draw_audit", "draw_plan", "draw_progress", "plan_facts", "save_audit_figure", "save_plan_figure"]
 
 _MANY_LANDMARKS = 2_000
 """From here on ticks along their headings would be noise."""
@@ -65,16 +78,15 @@ def draw_plan(
         return
     if path is not None:
         start = path.states[0] if start is None else start
-    goals = goals_of(goal)
-    if goals is not None:
+        goal = path.states[-1] if goal is None else goal
+    here = None if start is None else np.asarray(start, dtype=np.float64)
+    if here is not None:
+        draw_end(axes, robot, here, START, "o", "start")
+    if (goals := goals_of(goal)) is not None:
         for each in goals:
-            draw_goal(axes, robot, each, path.states[-1] if path is not None else np.asarray(start))
-        goal = None
-    if path is not None and goal is None:
-        goal = path.states[-1]
-    for q, colour, marker, label in ((start, START, "o", "start"), (goal, GOAL, "s", "goal")):
-        if q is not None:
-            draw_end(axes, robot, np.asarray(q, dtype=np.float64), colour, marker, label)
+            draw_goal(axes, robot, each, np.asarray(here) if path is None else path.states[-1])
+    elif goal is not None:
+        draw_end(axes, robot, np.asarray(goal, dtype=np.float64), GOAL, "s", "goal")
 
 
 def save_plan_figure(
@@ -109,7 +121,7 @@ def save_plan_figure(
     draw_plan(axes, robot, result.path, roadmap, start, goal, layers)
     annotate(figure, axes, world.name if query is None else f"{world.name} · {query}", plan_facts(result, robot))
     if layers.progress:
-        add_progress(figure, axes, result.history, result.time.get("total") or 0.0, result.lower_bound)
+        _add_progress(figure, axes, result.history, result.time.get("total") or 0.0, result.lower_bound)
     write(figure, picture_of(world, file))
 
 
@@ -125,10 +137,10 @@ def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap, layers: Layers) ->
         edges = roadmap.edges[chosen]
         if layers.edges and len(edges):
             draw_lines(axes, roadmap.motion.lines(at[edges[:, 0]], at[edges[:, 1]]), *style)
-            axes.plot([], [], color=style[0], lw=1.5, label=label)
+            axes.plot([], [], color=style[0], lw=1.5, zorder=style[2], label=label)
     if not layers.landmarks:
         return
-    axes.plot([], [], "o", ms=3.0, mew=0, color=LANDMARK, label="landmark")
+    axes.plot([], [], "o", ms=3.0, mew=0, color=LANDMARK, zorder=4.0, label="landmark")
     size = min(3.0, max(0.8, 3.0 * math.sqrt(400 / len(at))))
     axes.plot(*at[:, :2].T, "o", ms=size, mew=0, color=LANDMARK, zorder=4.0)
     crowded = len(at) > _MANY_LANDMARKS
@@ -141,11 +153,9 @@ def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap, layers: Layers) ->
 def _draw_path(axes: Axes, robot: Robot, path: Path, layers: Layers) -> None:
     # By cost, so that the robot also shows where it turns in place; some dozens at most.
     n = min(48, max(8, math.ceil(path.cost / (2.0 * robot.circumradius)))) + 1
-    shown = se2.transform(path.at(np.linspace(0.0, 1.0, n)), robot.outline.vertices)
-    robots = PolyCollection(list(shown), facecolors=(*to_rgb(BODY), 0.7), edgecolors=PATH)
-    robots.set(linewidths=0.6, zorder=5.0, label="robot along the path")
     if layers.footprints:
-        axes.add_collection(robots, autolim=False)
+        poses = path.at(np.linspace(0.0, 1.0, n))
+        draw_robots(axes, robot, poses, (*to_rgb(BODY), 0.7), PATH, 0.6, 5.0, label="robot along the path")
     if not layers.path:
         return
     xy = path.states[:, :2]
@@ -153,9 +163,7 @@ def _draw_path(axes: Axes, robot: Robot, path: Path, layers: Layers) -> None:
     axes.plot(*xy.T, color=PATH, lw=2.0, zorder=6.1, solid_joinstyle="round", label="path")
 
 
-BOUND = "#e69f00"  # Okabe & Ito's orange
 WIDTH, HEIGHT, BESIDE, BELOW = 2.3, 1.3, 0.75, 0.3  # inches: of the panel, and between it and plan or legend
-LABEL_SIZE = 8  # points, at most
 ROOM = 0.03
 """Share of the costs' range that stays free above and below."""
 
@@ -174,7 +182,7 @@ def draw_progress(axes: Axes, history: Sequence[tuple[float, float]], total: flo
     axes.step(1e3 * np.append(times, end), np.append(costs, costs[-1]), where="post", color=PATH, lw=1.4, label="cost")
     axes.plot(1e3 * times, costs, "o", ms=2.6, mew=0, color=PATH)
     if bound is not None:
-        axes.axhline(bound, color=BOUND, lw=1.2, ls="--", label="lower bound")
+        axes.axhline(bound, color=AVOID, lw=1.2, ls="--", label="lower bound")
     axes.set_xscale("log")
     axes.set_xlim(1e3 * times[0] / 1.3, 1e3 * end * 1.1)
     # Within few decades their halves and fifths have room, too.
@@ -191,22 +199,13 @@ def draw_progress(axes: Axes, history: Sequence[tuple[float, float]], total: flo
     axes.set_ylabel("cost")
 
 
-def add_progress(
-    figure: Figure, plan: Axes, history: Sequence[tuple[float, float]], total: float, bound: float | None = None
+def _add_progress(
+    figure: Figure, plan: Axes, history: Sequence[tuple[float, float]], total: float, bound: float | None
 ) -> None:
-    """Add a small panel with :func:`draw_progress` beside or, where the plan is wide, below a plan and its legend.
-
-    Args:
-        figure: of the plan.
-        plan: the plan's axes, with its legend; the panel keeps clear of both.
-        history: as in :func:`draw_progress`; without a path nothing is added.
-        total: seconds until planning ended.
-        bound: metres.
-    """
-    if not history:
-        return
+    """Add a small panel with :func:`draw_progress`, if there was progress, beside the plan or below its legend."""
     legend = plan.get_legend()
-    assert legend is not None  # noqa: S101  # annotate has made it
+    if not history or legend is None:
+        return
     box, entries = (part.get_window_extent() for part in (plan, legend))
     under = entries.y0 - figure.dpi * (BELOW + HEIGHT)
     if entries.y1 <= box.y0:  # the legend lies below the plan, and the panel below both
@@ -216,11 +215,29 @@ def add_progress(
     corners = figure.transFigure.inverted().transform([at[:2], (at[0] + at[2], at[1] + figure.dpi * HEIGHT)])
     axes = figure.add_axes((*corners[0], *(corners[1] - corners[0])))
     draw_progress(axes, history, total, bound)
-    axes.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
-    axes.xaxis.label.set(fontsize=8, color=TEXT)
-    axes.yaxis.label.set(fontsize=8, color=TEXT)
-    axes.spines[["top", "right"]].set_visible(False)
+    tidy(axes, 7)
+    axes.spines[["left", "bottom"]].set_visible(True)
+    for label in (axes.xaxis.label, axes.yaxis.label):
+        label.set(fontsize=8, color=TEXT)
     axes.legend(loc="best", fontsize=7, frameon=False, handlelength=1.6, borderaxespad=0.0)
+
+
+def plan_facts(result: PlanResult, robot: Robot) -> str:
+    """Return what a plan found in a line: cost, length, turning, time and robot."""
+    from trailmark.trajectories import CurvePath
+
+    seconds = f"{result.time.get('total') or math.nan:.3g} s"
+    if result.path is not None:
+        path = result.path
+        facts = f"cost {path.cost:.4g} = {path.length:.4g} m + {se2.ROTATION_WEIGHT:g} × {path.rotation:.3g} rad"
+        if result.objective is not None or result.goal is not None:
+            # Not the sum of length and turning alone.
+            facts = f"cost {result.cost:.4g}, {path.length:.4g} m, {path.rotation:.3g} rad"
+        if isinstance(path, CurvePath):
+            facts = f"{path.length:.4g} m, {path.cusps} changes of direction"
+        return f"{facts} · {seconds} · {robot.describe()}"
+    why = "no path exists (proven)" if result.status == "infeasible" else f"no path found in {seconds}"
+    return f"{why} · {robot.describe()}"
 
 
 SHOWN = 12
@@ -241,10 +258,8 @@ def draw_audit(axes: Axes, robot: Robot, audit: PathAudit, repaired: Path | None
     for begin, end in merged([scale.interval(c.motions) for c in audit.collisions]):
         stretch = scale.states(begin, end)
         count = int(np.clip(2 + (end - begin) / robot.circumradius, 2, SHOWN))
-        places = se2.transform(scale.poses(np.linspace(begin, end, count)), robot.outline.vertices)
-        bodies = PolyCollection(list(places), facecolors=(*to_rgb(COLLISION), 0.25), edgecolors=COLLISION)
-        bodies.set(linewidths=0.8, zorder=6.2)
-        axes.add_collection(bodies, autolim=False)
+        poses = scale.poses(np.linspace(begin, end, count))
+        draw_robots(axes, robot, poses, (*to_rgb(COLLISION), 0.25), COLLISION, 0.8, 6.2)
         axes.plot(*stretch[:, :2].T, color=COLLISION, lw=3.0, zorder=6.4, solid_capstyle="round", label="collides")
         axes.plot(*stretch[:1, :2].T, "x", color=COLLISION, ms=7.0, mew=2.0, zorder=8.5)
     if audit.free:

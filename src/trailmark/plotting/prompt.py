@@ -4,25 +4,86 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from trailmark.errors import ConfigurationError
 from trailmark.plotting.canvas import annotate, figure_of, set_limits
-from trailmark.plotting.plan import draw_plan
-from trailmark.plotting.world import draw_end, draw_queries, draw_world
+from trailmark.plotting.plan import draw_plan, plan_facts
+from trailmark.plotting.world import draw_end, draw_queries, draw_world, world_facts
 from trailmark.shown import PATH, Layers
-from trailmark.world import World
+from trailmark.world import Robot, World
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trailmark.plotting.canvas import Scene
+    from trailmark.roadmap import Roadmap
+    from trailmark.trajectories import Path
 
-__all__ = ["plot", "png_of"]
+__all__ = ["Scene", "plot", "png_of", "scene_of"]
 
 NOTEBOOK_DPI = 96
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a picture is of.
+
+    Attributes:
+        title: a name.
+        facts: a line about it.
+        world: None for a robot on its own.
+        robot: None if there is none.
+        roadmap: None if there is none.
+        path: None if there is none.
+        start: configuration; None if there is none.
+        goal: configuration, or goals; None if there is none.
+        queries: whether the world's queries belong to it.
+    """
+
+    title: str
+    facts: str
+    world: World | None = None
+    robot: Robot | None = None
+    roadmap: Roadmap | None = None
+    path: Path | None = None
+    start: tuple[float, float, float] | None = None
+    goal: Any = None
+    queries: bool = False
+
+
+def scene_of(shown: object, robot: Robot | None = None, roadmap: Roadmap | None = None) -> Scene:
+    """Return the picture of a world, a robot, a roadmap or a result.
+
+    Args:
+        shown: what is shown.
+        robot: in the place of its own.
+        roadmap: shown as well.
+
+    Raises:
+        ConfigurationError: something else, or a result that does not know its world and robot.
+    """
+    if isinstance(shown, Robot):
+        return Scene("robot", shown.describe(), robot=shown)
+    if isinstance(shown, World):
+        body = robot or shown.robot
+        return Scene(shown.name, world_facts(shown), shown, body, roadmap, queries=True)
+    # Later, since these bring in all that plans.
+    from trailmark.planning import PlanResult
+    from trailmark.roadmap import Roadmap
+
+    if isinstance(shown, Roadmap):
+        world, body = shown.checker.world, robot or shown.checker.robot
+        facts = f"{len(shown):,} landmarks · {len(shown.edges):,} edges · {body.describe()}"
+        return Scene(world.name, facts, world, body, shown)
+    if not isinstance(shown, PlanResult) or shown.world is None or shown.robot is None:
+        raise ConfigurationError(f"picture: expected a result that knows its world and robot, got {shown!r:.80}")
+    body = robot or shown.robot
+    facts = plan_facts(shown, body)
+    return Scene(shown.world.name, facts, shown.world, body, roadmap, shown.path, shown.start, shown.target)
 
 
 def plot(scene: Scene, ax: Axes | None, layers: Mapping[str, bool]) -> Axes:

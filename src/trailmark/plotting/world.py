@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb
-from matplotlib.image import AxesImage
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -25,8 +25,8 @@ from trailmark.plotting.canvas import (
     picture_of,
     points_per_metre,
     set_limits,
+    show_image,
     view,
-    world_facts,
     write,
 )
 from trailmark.shown import (
@@ -55,10 +55,24 @@ if TYPE_CHECKING:
     from trailmark.world.goals import Goal
     from trailmark.world.moving import Moving
 
-__all__ = ["draw_end", "draw_goal", "draw_queries", "draw_world", "draw_zones", "regions_of", "save_world_figure"]
+__all__ = [
+    "HALO",
+    "draw_end",
+    "draw_goal",
+    "draw_ground",
+    "draw_queries",
+    "draw_robots",
+    "draw_world",
+    "regions_of",
+    "save_world_figure",
+    "world_facts",
+]
 
 Regions = NDArray[Any]
 """Polygons, shape (n,)."""
+
+HALO = [withStroke(linewidth=2.2, foreground="white")]
+"""Of texts and thin lines, which are seen on whatever lies below."""
 
 _MANY_VERTICES = 20_000
 _SHOWN_QUERIES, _NAMED_QUERIES = 12, 6
@@ -79,16 +93,41 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None, layers: Lay
     """
     set_limits(axes, world)
     solid, margin, inside = regions_of(world, robot if layers.margin else None)
-    fill(axes, margin, MARGIN, 1.0, label="C-obstacle at every heading")
+    draw_ground(axes, world, solid if layers.obstacles else (), margin, inside, outside=layers.outside)
     if layers.clearance:
         _draw_clearance(axes, world)
-    if layers.obstacles:
-        fill(axes, solid, OBSTACLE, 1.5, label="obstacle")
-        for motion in filter(None, world.moving):
-            _draw_motion(axes, motion)
+    for motion in filter(None, world.moving if layers.obstacles else ()):
+        _draw_motion(axes, motion)
     if layers.zones:
-        draw_zones(axes, world.zones)
-    if layers.outside:
+        _draw_zones(axes, world.zones)
+
+
+def draw_ground(
+    axes: Axes,
+    world: World,
+    solid: Any,
+    margin: Any,
+    inside: shapely.Geometry,
+    *,
+    obstacle: str = "obstacle",
+    grown: str = "C-obstacle at every heading",
+    outside: bool = True,
+) -> None:
+    """Draw regions as every picture has them: obstacles dark, what is grown from them grey, the outside hatched.
+
+    Args:
+        axes: with limits set.
+        world: whose surroundings are outside.
+        solid: obstacles.
+        margin: regions below them.
+        inside: what lies inside bounds and boundary.
+        obstacle: name of the obstacles in the legend.
+        grown: name of the margin there.
+        outside: whether to hatch what lies beyond.
+    """
+    fill(axes, margin, MARGIN, 1.0, label=grown)
+    fill(axes, solid, OBSTACLE, 1.5, label=obstacle)
+    if outside:
         beyond = shapely.box(*view(world)).difference(inside)
         fill(axes, [beyond], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
     fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
@@ -103,11 +142,7 @@ def _draw_clearance(axes: Axes, world: World) -> None:
     field = build_field(build_grid(world, size))
     rows, columns = field.distance.shape
     x, y = field.x0 + size * (np.arange(columns) + 0.5), field.y0 + size * (np.arange(rows) + 0.5)
-    ends = (field.x0, field.x0 + size * columns, field.y0, field.y0 + size * rows)
-    # Not by axes.imshow, which sets limits and aspect anew.
-    image = AxesImage(axes, cmap="YlGnBu_r", origin="lower", extent=ends, alpha=0.55, zorder=0.5)
-    image.set_data(field.distance)
-    axes.add_image(image)
+    show_image(axes, field.distance, (field.x0, field.y0), size, cmap="YlGnBu_r", alpha=0.55, zorder=0.5)
     levels = MaxNLocator(nbins=6, steps=[1, 2, 5, 10]).tick_values(0.0, float(field.distance.max()))[1:]
     lines = axes.contour(x, y, field.distance, levels=levels, colors=[TEXT], linewidths=0.6, zorder=0.6)
     axes.clabel(lines, fontsize=7, fmt=lambda metres: f"{metres:g} m")
@@ -154,6 +189,15 @@ def save_world_figure(file: str | FilePath, world: World) -> None:
     write(figure, picture_of(world, file))
 
 
+def world_facts(world: World) -> str:
+    """Return size, obstacles, queries and robot of a world in a line."""
+    facts = [f"{world.bounds[2] - world.bounds[0]:g} × {world.bounds[3] - world.bounds[1]:g} m"]
+    facts.append(f"{len(world.obstacles):,} obstacle{'' if len(world.obstacles) == 1 else 's'}")
+    facts.append(f"{len(world.queries):,} quer{'y' if len(world.queries) == 1 else 'ies'}")
+    facts.append(world.robot.describe() if world.robot else "no robot")
+    return " · ".join(facts)
+
+
 def draw_queries(axes: Axes, world: World) -> None:
     """Draw the first of a world's queries, with their names if they are few."""
     shown = world.queries[:_SHOWN_QUERIES]
@@ -166,8 +210,7 @@ def draw_queries(axes: Axes, world: World) -> None:
             draw_goal(axes, world.robot, goal, start)
         if len(shown) <= _NAMED_QUERIES:
             note = axes.annotate(query.name, query.start[:2], xytext=(6, 6), textcoords="offset points", zorder=9.0)
-            note.set(fontsize=8, color=TEXT, parse_math=False)
-            note.set_bbox({"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8})
+            note.set(fontsize=8, color=TEXT, parse_math=False, path_effects=HALO)
 
 
 def draw_goal(axes: Axes, robot: Robot | None, goal: Goal, start: se2.FloatArray) -> None:
@@ -183,9 +226,7 @@ def draw_end(axes: Axes, robot: Robot | None, q: se2.FloatArray, colour: str, ma
     """Draw a start or goal (3,): the robot standing there, its heading, and a mark that is seen at any scale."""
     reach = 0.0 if robot is None else robot.circumradius * points_per_metre(axes)
     if robot is not None:
-        body = PolyCollection([se2.transform(q, robot.outline.vertices)], facecolors=(*to_rgb(colour), 0.45))
-        body.set(edgecolors=colour, linewidths=1.4, zorder=7.0)
-        axes.add_collection(body, autolim=False)
+        draw_robots(axes, robot, [q], (*to_rgb(colour), 0.45), colour, 1.4, 7.0)
         if robot.sweep_radius > 0.0 and reach > 4.0:
             ahead = shapely.LineString([(0.0, 0.0), (robot.circumradius, 0.0)]).intersection(robot.outline.shapely())
             front = robot.circumradius if ahead.is_empty else ahead.bounds[2]
@@ -193,7 +234,17 @@ def draw_end(axes: Axes, robot: Robot | None, q: se2.FloatArray, colour: str, ma
             axes.plot(*heading.T, color=colour, lw=1.8, zorder=7.5, solid_capstyle="round")
     # A robot of a few pixels would be lost on a large map: then the mark is the larger.
     size = 5.0 if reach > 8.0 else 8.0
-    axes.plot(*q[:2], marker, color=colour, ms=size, mec="white", mew=1.0, zorder=8.0, label=label)
+    axes.plot(*q[:2], marker, color=colour, ms=size, mec="white", mew=1.0, ls="none", zorder=8.0, label=label)
+
+
+def draw_robots(
+    axes: Axes, robot: Robot, poses: Any, face: Any, edge: Any, width: float, zorder: float, **style: Any
+) -> PolyCollection:
+    """Draw a robot at poses, shape (n, 3)."""
+    outlines = se2.transform(np.asarray(poses, dtype=np.float64), robot.outline.vertices)
+    bodies = PolyCollection(list(outlines), facecolors=face, edgecolors=edge, linewidths=width, zorder=zorder, **style)
+    axes.add_collection(bodies, autolim=False)
+    return bodies
 
 
 def inside_of(world: World) -> shapely.Geometry:
@@ -212,7 +263,7 @@ NOTED = 12
 """Zones at most in which texts and arrows stand, the largest ones: a mask's are many."""
 
 
-def draw_zones(axes: Axes, zones: Sequence[Zone]) -> None:
+def _draw_zones(axes: Axes, zones: Sequence[Zone]) -> None:
     """Draw zones, on axes whose limits are set, as far as they are in the picture."""
     (xmin, xmax), (ymin, ymax) = axes.get_xlim(), axes.get_ylim()
     window = shapely.box(xmin, ymin, xmax, ymax)
@@ -252,5 +303,5 @@ def _note(axes: Axes, zone: CostZone | OneWayZone | SpeedZone, region: shapely.G
         return
     left, low, right, high = region.bounds
     text = f"× {zone.factor:.3g}" if isinstance(zone, CostZone) else f"≤ {zone.limit:.3g} m/s"
-    note = axes.text(x, y, text, fontsize=7, color=TEXT, ha="center", va="center", zorder=1.8, clip_on=True)
-    note.set(parse_math=False, rotation=90.0 if high - low > 2.0 * (right - left) else 0.0)
+    note = axes.text(x, y, text, fontsize=7, color=TEXT, ha="center", va="center", zorder=3.2, clip_on=True)
+    note.set(parse_math=False, rotation=90.0 if high - low > 2.0 * (right - left) else 0.0, path_effects=HALO)

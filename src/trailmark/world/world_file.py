@@ -15,7 +15,7 @@ from trailmark.formats.files import read_bytes, require_not_an_input, text_of, w
 from trailmark.formats.grid import CellObstacles, cells_of, packed_cells, unpacked_cells
 from trailmark.formats.robot_yaml import robot_fields
 from trailmark.formats.world_yaml import yaml_text
-from trailmark.formats.yaml_data import parse_yaml, with_rows
+from trailmark.formats.yaml_data import parse_yaml
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world.estimates import ObstacleEstimate, RiskBound
 from trailmark.world.goals import Goal, Query
@@ -98,7 +98,7 @@ def _read(data: bytes, path: Path) -> dict[str, Any]:
 
         return read_cfg(text, path)
 
-    fields = with_rows(text, lambda part: parse_yaml(part, path))
+    fields = parse_yaml(text, path)
     if not isinstance(fields, dict):
         raise FormatError(path, f"no world: neither a YAML mapping nor another known format; {FORMATS}")
     if "trailmark" in fields:
