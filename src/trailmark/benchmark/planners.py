@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import math
 import os
 import re
 import sys
@@ -19,7 +18,15 @@ if TYPE_CHECKING:
     from trailmark.planning import PlannerSettings
     from trailmark.world import Robot
 
-__all__ = ["PlannerName", "Resolution", "known_planners", "method_settings", "read_planners", "settings_of"]
+__all__ = [
+    "OWN_SPACING",
+    "PlannerName",
+    "known_planners",
+    "method_settings",
+    "read_planners",
+    "settings_of",
+    "spacing_of",
+]
 
 CERTIFIED = "+certified"
 """Ends the name of one of OMPL's planners that plans with certified motions."""
@@ -82,51 +89,20 @@ class PlannerName(NamedTuple):
         return f"{self.base}:{given}" if given else self.base
 
 
-class Resolution(NamedTuple):
-    """How far apart the states lie that OMPL's discrete motion validation checks.
+SPACING, NATIVE_SPACING = 0.1, 0.05
+"""Shares of the robot's inscribed radius that the states lie apart which OMPL's discrete validation checks.
 
-    Attributes:
-        value: metres, or a share of a robot's inscribed radius; above 0.
-        share: whether it is a share.
-    """
+From Python the referee refused 1 of 168 paths found so, 36 of 252 at five times it; of native planners, whose checks
+cost less, 1 of 269, and 68 of 392 at ten times it.
+"""
 
-    value: float
-    share: bool
-
-    @classmethod
-    def parse(cls, text: str) -> Resolution:
-        """Return what ``0.02`` (metres) or ``10%`` (of the inscribed radius) says.
-
-        Raises:
-            SuiteError: anything else.
-        """
-        share = text.endswith("%")
-        try:
-            value = float(text.removesuffix("%")) / (100.0 if share else 1.0)
-        except ValueError:
-            value = math.nan
-        if not (math.isfinite(value) and value > 0.0):
-            raise SuiteError(f"expected metres above 0, or a share of the inscribed radius such as 10%, got {text!r}")
-        return cls(value, share)
-
-    def metres(self, robot: Robot) -> float:
-        """Return the distance for a robot."""
-        return self.value * robot.inscribed_disc.radius if self.share else self.value
-
-
-DEFAULT = Resolution(0.1, share=True)
-"""Of OMPL's planners from Python: the referee refused 1 of 168 paths that they found so, 36 of 252 at five times it."""
-
-NATIVE_DEFAULT = Resolution(0.05, share=True)
-"""Of native planners, whose checks cost less: 1 of 269 paths was refused; at ten times it 68 of 392."""
-
-OWN = f"{100.0 * DEFAULT.value:g} % of the robot's inscribed radius, native planners {100.0 * NATIVE_DEFAULT.value:g} %"
+OWN_SPACING = f"{100.0 * SPACING:g} % of the robot's inscribed radius, native planners {100.0 * NATIVE_SPACING:g} %"
 """What the results say where each planner has its own."""
 
 
-def resolution_of(planner: str) -> Resolution:
-    """Return the resolution at which refusals of a planner are rare."""
-    return NATIVE_DEFAULT if planner.startswith(NATIVE) else DEFAULT
+def spacing_of(planner: str, robot: Robot) -> float:
+    """Return the spacing (metres) at which refusals of a planner are rare."""
+    return (NATIVE_SPACING if planner.startswith(NATIVE) else SPACING) * robot.inscribed_disc.radius
 
 
 def known_planners() -> list[str]:
@@ -167,14 +143,11 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
             raise SuiteError(
                 f"planner {name.base!r} given, but the native program is not built (see benchmarks/native)"
             )
-        elif near := [spelt.get(other, other) for other in get_close_matches(name.base.lower(), [*spelt, "all"], n=6)]:
-            raise SuiteError(f"planner: {expected_name(name.base, near)}")
         else:
+            near = [spelt.get(other, other) for other in get_close_matches(name.base.lower(), [*spelt, "all"], n=6)]
             short = [other for other in [*known, "all"] if other.islower()]
-            raise SuiteError(
-                f"planner: {expected_name(name.base, short)}, or one of OMPL's, such as RRTConnect "
-                "(see 'trailmark benchmark --help')"
-            )
+            more = "" if near else ", or one of OMPL's, such as RRTConnect (see 'trailmark benchmark --help')"
+            raise SuiteError(f"planner: {expected_name(name.base, near or short)}{more}")
         _require_parameters(name)
         chosen[str(name)] = None
     if not chosen:

@@ -1,16 +1,16 @@
-"""Results: the content of a results database as arrays, problem by problem, and a few figures of it for the shell."""
+"""Results: the content of a results database as arrays, problem by problem."""
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from trailmark.benchmark.record import MEASURED, Status
 from trailmark.benchmark.store import APPLICATION, BUSY, VERSION
 from trailmark.errors import FormatError, TrailmarkError
 
-__all__ = ["Curve", "Problem", "Results", "Runs", "differences", "failure_lines", "load_results", "summary_rows"]
+__all__ = ["Curve", "Problem", "Results", "Runs", "load_results"]
 
 FloatArray = NDArray[np.float64]
 Curve = tuple[FloatArray, FloatArray]
@@ -38,18 +38,16 @@ class Runs:
 
     Attributes:
         columns: for each numeric column of the table ``runs`` an array of shape (n,), NaN where it is null.
-        ids: the runs' keys, shape (n,).
         failures: why a run gave no answer or was refused, None where it did neither; n of them.
         curves: the best cost over time of each run; n of them, of which any may be empty.
     """
 
     columns: Mapping[str, FloatArray]
-    ids: NDArray[np.int64]
     failures: Sequence[str | None]
     curves: Sequence[Curve]
 
     def __len__(self) -> int:
-        return len(self.ids)
+        return len(self.failures)
 
     def __getitem__(self, name: str) -> FloatArray:
         return self.columns[name]
@@ -95,7 +93,8 @@ class Runs:
 
     def endings(self) -> dict[str, int]:
         """Return how many runs ended without success, by how they ended; most frequent first."""
-        counts = Counter(_ending(status) for status in self["status"][~self.claimed])
+        known = {int(status): status.description.lower() for status in Status}
+        counts = Counter(known.get(int(s), "unknown status") for s in np.nan_to_num(self["status"][~self.claimed]))
         counts.update({"refused by the referee": self.refused} if self.refused else {})
         return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
@@ -105,9 +104,7 @@ class Problem:
     """One experiment of the database: a world, a robot, a query, and the limits of a run.
 
     Attributes:
-        key: the experiment's id.
-        name: for people; it ends in ``difference``.
-        difference: what sets it apart from other experiments of its name; empty where the name does.
+        name: for people, different from all others.
         time_limit: seconds a run.
         memory_limit: MB a run; None if there is none.
         wanted: runs asked for, of each planner.
@@ -115,9 +112,7 @@ class Problem:
         runs: for each planner that has any.
     """
 
-    key: int
     name: str
-    difference: str
     time_limit: float
     memory_limit: float | None
     wanted: int
@@ -127,7 +122,7 @@ class Problem:
     @cached_property
     def best_cost(self) -> float:
         """Cost of the best path that the referee accepted, of any planner, simplified or not; infinity without any."""
-        return min((float(runs.best_costs.min()) for runs in self.runs.values()), default=float("inf"))
+        return min((float(runs.best_costs.min()) for runs in self.runs.values()), default=math.inf)
 
 
 @dataclass(frozen=True)
@@ -162,73 +157,56 @@ def load_results(file: Path) -> Results:
         StoreError: a database of another schema, damaged, locked, or without a finished run.
     """
     with _opened(file) as db:
-        names = _planner_names(db)
-        settings = {names[key]: text or "" for key, text in db.execute("SELECT id, settings FROM plannerConfigs")}
+        planners = db.execute("SELECT id, name, settings FROM plannerConfigs ORDER BY id").fetchall()
+        often = Counter(name for _, name, _ in planners)
+        # One that occurs twice, with other settings, gets its id behind it.
+        names = {key: str(name) if often[name] == 1 else f"{name} ({key})" for key, name, _ in planners}
         rows = db.execute(
             "SELECT id, name, timelimit, memorylimit, runcount, version, hostname, cpuinfo, date, seed, setup "
             "FROM experiments ORDER BY id"
         ).fetchall()
-        apart = differences((row[0], str(row[1] or f"problem {row[0]}"), row[10]) for row in rows)
-        problems = [_problem(db, row, names, apart[row[0]]) for row in rows]
+        often = Counter(row[1] for row in rows)
+        problems = [_problem(db, row, names, alike=often[row[1]] > 1) for row in rows]
     done = [problem for problem in problems if problem.runs]
     if not done:
         raise StoreError(f"{file}: holds no finished run; expected a database with at least one")
     present = {planner for problem in done for planner in problem.runs}
-    planners = [name for name in names.values() if name in present]
-    empty = [problem.name for problem in problems if not problem.runs]
-    return Results(file, done, planners, {name: settings[name] for name in planners}, empty)
+    settings = {names[key]: text or "" for key, _, text in planners if names[key] in present}
+    return Results(file, done, list(settings), settings, [problem.name for problem in problems if not problem.runs])
 
 
-def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, str], apart: str) -> Problem:
+def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, str], *, alike: bool) -> Problem:
+    """Return a problem with its runs; one of several that are named alike has its limits and number in its name."""
     key, name, time_limit, memory_limit, wanted = row[:5]
-    name = f"{name or f'problem {key}'}{apart and f' ({apart})'}"
+    limits = f" (no. {key}: {time_limit:g} s, {memory_limit or math.inf:g} MB)" if alike else ""
     facts: dict[str, Any] = dict(zip(("version", "hostname", "cpuinfo", "date", "seed"), row[5:10], strict=True))
     facts["setup"] = _json_object(row[10])
-    curves: dict[int, list[tuple[float, float]]] = {}
     progress = "SELECT runid, time, best_cost FROM progress WHERE runid IN (SELECT id FROM runs WHERE experimentid = ?)"
-    for run, seconds, cost in db.execute(f"{progress} ORDER BY runid, time", (key,)):
-        if cost is not None:
-            curves.setdefault(run, []).append((seconds, cost))
-    by_planner: dict[str, list[tuple[Any, ...]]] = {}
+    steps = np.array(db.execute(f"{progress} AND best_cost NOTNULL ORDER BY runid, time", (key,)).fetchall(), float)
     columns = ", ".join(("plannerid", "id", "failure", *NUMBERS))
     query = f"SELECT {columns} FROM runs WHERE experimentid = ? ORDER BY plannerid, seed, id"  # noqa: S608  # our own names
-    for run_row in db.execute(query, (key,)):
-        by_planner.setdefault(names.get(run_row[0], f"planner {run_row[0]}"), []).append(run_row[1:])
-    runs = {planner: _runs(found, curves) for planner, found in by_planner.items()}
-    return Problem(key, name, apart, float(time_limit), memory_limit, int(wanted or 0), facts, runs)
+    runs = {
+        names.get(planner, f"planner {planner}"): _runs(list(found), steps.reshape(-1, 3))
+        for planner, found in groupby(db.execute(query, (key,)), key=lambda found: found[0])
+    }
+    return Problem(f"{name or 'problem'}{limits}", float(time_limit), memory_limit, int(wanted or 0), facts, runs)
 
 
-def _runs(rows: Sequence[tuple[Any, ...]], curves: Mapping[int, list[tuple[float, float]]]) -> Runs:
-    table = np.array([row[2:] for row in rows], dtype=np.float64).reshape(len(rows), len(NUMBERS))
-    ids = np.array([row[0] for row in rows], dtype=np.int64)
-    steps = [np.array(curves.get(int(i), []), dtype=np.float64).reshape(-1, 2) for i in ids]
+def _runs(rows: Sequence[tuple[Any, ...]], steps: FloatArray) -> Runs:
+    table = np.array([row[3:] for row in rows], dtype=np.float64)
+    ids = np.array([row[1] for row in rows], dtype=np.float64)
+    begin, end = (np.searchsorted(steps[:, 0], ids, side) for side in ("left", "right"))
+    curves = [(steps[a:b, 1], steps[a:b, 2]) for a, b in zip(begin, end, strict=True)]
     columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(NUMBERS)}
-    return Runs(columns, ids, [row[1] for row in rows], [(step[:, 0], step[:, 1]) for step in steps])
-
-
-def _planner_names(db: sqlite3.Connection) -> dict[int, str]:
-    """Return a name for each planner's id, in the order of the ids; one that occurs twice gets its id behind it."""
-    rows = db.execute("SELECT id, name FROM plannerConfigs ORDER BY id").fetchall()
-    names = [str(name) for _, name in rows]
-    return {key: str(name) if names.count(str(name)) == 1 else f"{name} ({key})" for key, name in rows}
-
-
-def _ending(status: float) -> str:
-    try:
-        return Status(int(status)).description.lower()
-    except ValueError:  # also a status that is not there: NaN
-        return "unknown status"
+    return Runs(columns, [row[2] for row in rows], curves)
 
 
 def _json_object(text: object) -> dict[str, Any]:
     try:
-        return _as_mapping(json.loads(str(text)))
+        found = json.loads(str(text))
     except ValueError:
         return {}
-
-
-def _as_mapping(data: Any) -> dict[str, Any]:
-    return data if isinstance(data, dict) else {}
+    return found if isinstance(found, dict) else {}
 
 
 @contextmanager
@@ -268,8 +246,7 @@ def _connect(file: Path) -> sqlite3.Connection:
 
 
 def _check_schema(db: sqlite3.Connection, file: Path) -> None:
-    application = db.execute("PRAGMA application_id").fetchone()[0]
-    version = db.execute("PRAGMA user_version").fetchone()[0]
+    application, version = (db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
     tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not tables:
         raise StoreError(f"{file}: an empty database, {ALLOWED}")
@@ -282,75 +259,3 @@ def _check_schema(db: sqlite3.Connection, file: Path) -> None:
     columns = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
     for absent in sorted({"id", "experimentid", "plannerid", *MEASURED} - columns):
         raise StoreError(f"{file}: the table 'runs' has no column {absent!r}; {ALLOWED}")
-
-
-_WORDS = {"time_limit": "limit {} s", "memory_limit": "{} MB", "resolution": "resolution {} m", "problem": "problem {}"}
-
-
-def differences(experiments: Iterable[tuple[int, str, str | None]]) -> dict[int, str]:
-    """Return for each experiment what sets it apart from others of its name; empty where the name alone does.
-
-    Args:
-        experiments: id, name, and the column ``setup``, whose ``identity`` tells problem and limits.
-    """
-    rows = [(key, name, _as_mapping(_json_object(setup).get("identity"))) for key, name, setup in experiments]
-    alike: dict[str, list[Mapping[str, Any]]] = {}
-    for _, name, own in rows:
-        alike.setdefault(name, []).append(own)
-    found: dict[int, str] = {}
-    for key, name, own in rows:
-        fields = [f for f in _WORDS if len({json.dumps(identity.get(f)) for identity in alike[name]}) > 1]
-        words = ", ".join(_WORDS[f].format(_value(own.get(f))) for f in fields)
-        same = sum(all(identity.get(f) == own.get(f) for f in _WORDS) for identity in alike[name])
-        number = f"no. {key}" if same > 1 else ""
-        found[key] = ", ".join(filter(None, [words, number]))
-    return found
-
-
-def _value(value: object) -> str:
-    return value[:8] if isinstance(value, str) else f"{value:g}" if isinstance(value, int | float) else "unknown"
-
-
-def summary_rows(results: Results, planners: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return a header and a row for each planner, over all its runs.
-
-    ``correct`` counts what the referee accepts, ``refused`` what the planner called a solution and is none. Of the
-    correct runs: the median time to the first solution, and the medians of cost and of cost after the simplifier, each
-    as a multiple of the problem's best known. Experiments of one name that differ, in their time limit say, have
-    rows of their own.
-    """
-    groups: dict[str, list[Problem]] = {}
-    for problem in results.problems:
-        groups.setdefault(problem.difference, []).append(problem)
-    rows: list[tuple[str, ...]] = [("planner", "correct", "refused", "first solution", "cost", "simplified")]
-    for planner, (difference, problems) in itertools.product(planners, groups.items()):
-        found = [
-            (problem.runs[planner], problem.best_cost or math.nan) for problem in problems if planner in problem.runs
-        ]
-        if not found:
-            continue
-        correct, count = sum(int(runs.success.sum()) for runs, _ in found), sum(len(runs) for runs, _ in found)
-        name, refused = planner + (difference and f" ({difference})"), sum(runs.refused for runs, _ in found)
-        first = _median([runs.first_times for runs, _ in found], "{:.3f} s")
-        cost = _median([runs.costs / best for runs, best in found], "x {:.3f}")
-        simplified = _median([runs.simplified_costs / best for runs, best in found], "x {:.3f}")
-        rows.append((name, f"{correct}/{count}", str(refused), first, cost, simplified))
-    return rows
-
-
-def failure_lines(results: Results, planners: Sequence[str]) -> list[str]:
-    """Return a line for each planner whose runs gave reasons for failing: the most frequent reason, and how often."""
-    lines = []
-    for planner in planners:
-        found = [problem.runs[planner] for problem in results.problems if planner in problem.runs]
-        reasons = Counter(" ".join(reason.split()) for runs in found for reason in runs.failures if reason)
-        for reason, count in reasons.most_common(1):
-            lines.append(f"{planner}: {count} of {sum(len(runs) for runs in found)} runs: {reason}")
-    return lines
-
-
-def _median(values: Sequence[FloatArray], form: str) -> str:
-    """Return the median of the finite values as words."""
-    known = np.concatenate(values)
-    known = known[np.isfinite(known)]
-    return form.format(np.median(known)) if len(known) else "-"
