@@ -66,8 +66,7 @@ for name, limit in (("RRTConnect", 5.0), ("landmark", 0.5)):  # one ends at its 
     anew = StateChecker(moved)
     free = [bool(anew.motions_valid(path.states[:-1], path.states[1:]).all()) for path in (over, under)]
     tell(**{name: [bool(max(over.states[:, 1]) > 4.0), *free]})
-""",
-        whole=True,
+"""
     )
     assert found == {"RRTConnect": [True, False, True], "landmark": [True, False, True]}
 
