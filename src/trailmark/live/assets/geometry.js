@@ -31,21 +31,21 @@ function areaOf(shape, area = new Path2D()) {
     area.arc(x, y, shape.radius, 0, TURN);
   } else {
     const rings = shape.shape === "rectangle" ? [rectanglePoints(shape)] : [shape.vertices, ...(shape.holes ?? [])];
-    for (const ring of rings) addLine(area, ring, true);
+    for (const ring of rings) lineOf(ring, true, area);
   }
   return area;
 }
 
-function addLine(path, points, closed = false) {
+function lineOf(points, closed = false, path = new Path2D()) {
   points.forEach(([x, y], i) => (i ? path.lineTo(x, y) : path.moveTo(x, y)));
   if (closed) path.closePath();
+  return path;
 }
 
 // What the robot covers at a configuration, and a line that shows where it looks.
 function bodyOf(robot, [x, y, theta]) {
-  const placed = new Path2D(), reach = reachOf(robot);
-  placed.addPath(areaOf(robot), new DOMMatrix().translate(x, y).rotate((theta * 180) / Math.PI));
-  addLine(placed, [[x, y], [x + reach * Math.cos(theta), y + reach * Math.sin(theta)]]);
+  const body = lineOf([[0, 0], [reachOf(robot), 0]], false, areaOf(robot)), placed = new Path2D();
+  placed.addPath(body, new DOMMatrix().translate(x, y).rotate((theta * 180) / Math.PI));
   return placed;
 }
 

@@ -30,20 +30,21 @@ function connect() {
 async function begin() {
   const hello = await ask("hello");
   offer("worlds", [["this one", ""], ...hello.worlds.map((name) => [name, name])]);
-  if (scene.world) await setWorld(scene.content(), false);  // as it was before the connection was lost
-  else if (location.hash.length > 1) await setWorldOf(location.hash.slice(1)) || takeWorld(hello, true);
-  else takeWorld(hello, true);
+  if (scene.world) return setWorld(scene.content(), false);  // as it was before the connection was lost
+  takeWorld(hello, true);
+  if (location.hash.length < 2) return;
+  await attempt(async () => {
+    const shared = JSON.parse(decodeURIComponent(location.hash.slice(1)));
+    await setWorld(shared.world, true, shared);
+  });
 }
 
 function receive(message) {
   const waits = waiting.get(message.id);
-  if (waits) {
-    waiting.delete(message.id);
-    if (message.type === "error") waits.reject(new Error(message.message));
-    else waits.resolve(message);
-    return;
-  }
-  if (message.type === "path") receivePath(message);
+  waiting.delete(message.id);
+  if (waits && message.type === "error") waits.reject(new Error(message.message));
+  else if (waits) waits.resolve(message);
+  else if (message.type === "path") receivePath(message);
   else if (message.type === "world") edits.delete(message.id);
   else if (message.type === "error") receiveError(message);
 }
@@ -52,12 +53,10 @@ function receiveError({id, message}) {
   const plan = inFlight.get(id);
   inFlight.delete(id);
   if (plan && id >= shownPlan) {
-    shownPlan = id;
-    scene.path = null;
+    [shownPlan, scene.path, dirty] = [id, null, true];
     say(message.replace(/^(start|goal) \(.*?\) is not valid: /, "$1: "), true);
     showFigures({});
     badEnd = /^(start|goal)\b/.exec(message)?.[0] ?? null;
-    dirty = true;
   } else if (!plan) {
     $("error").textContent = message;
     // What the server did not change is as it has it.
@@ -88,16 +87,7 @@ function plannerOptions() {
 
 async function setWorld(world, fit = true, ends = null) {
   const done = await attempt(async () => takeWorld(await ask("world", {world, ...plannerOptions()}), fit, ends));
-  if (!done && scene.world) showRobot();
-  return done;
-}
-
-// Takes what an address holds.
-function setWorldOf(text) {
-  return attempt(async () => {
-    const {world, ...ends} = JSON.parse(decodeURIComponent(text));
-    takeWorld(await ask("world", {world}), true, ends);
-  });
+  if (!done) showRobot();
 }
 
 function openWorld(fields) {
@@ -106,31 +96,29 @@ function openWorld(fields) {
 }
 
 function takeWorld({world}, fit, ends = null) {
-  const fresh = scene.world === null || fit;
   scene.take(world);
   if (ends) [scene.start, scene.goal] = [ends.start, ends.goal];
-  else if (fresh) scene.takeQuery();
+  else if (fit) scene.takeQuery();
   if (fit) view.fit(world.bounds);
   ready = true;
-  badEnd = null;
+  pending = badEnd = null;
   $("error").textContent = "";
   $("name").textContent = world.name;
   $("worlds").value = [...$("worlds").options].some(({value}) => value === world.name) ? world.name : "";
   document.title = `${world.name} · trailmark live`;
   showRobot();
-  listSelected();
+  select(selected);
   changed();
 }
 
-async function restore(before) {
+// Goes back to what was, here and there.
+function restore(before) {
   if (!before) return;
   stopPlaying();
-  if (JSON.stringify(before.world) !== JSON.stringify(scene.content())) await setWorld(before.world, false, before);
-  else {
-    [scene.start, scene.goal] = [before.start, before.goal];
-    changed();
-  }
-  listSelected();
+  [scene.start, scene.goal] = [before.start, before.goal];
+  if (JSON.stringify(before.world) === JSON.stringify(scene.content())) return changed();
+  send("world", {world: before.world, ...plannerOptions()});
+  takeWorld(before, false);
 }
 
 // Changes obstacles here and there: ids, [dx, dy, dtheta] by id, and shapes with ids.
@@ -180,9 +168,8 @@ function plan(now) {
   wanted = null;
   sendEdits();
   if (settled) settle = 0;
-  const from = playing ? playing.state : scene.start;
-  const id = send(playing ? "replan" : "plan",
-    {start: from, goal: scene.goal, time_limit: settled ? SETTLED : patience});
+  const query = {start: playing ? playing.state : scene.start, goal: scene.goal, time_limit: settled ? SETTLED : patience};
+  const id = send(playing ? "replan" : "plan", query);
   inFlight.set(id, {since, settled, dragged: drag !== null && !settled});
 }
 
@@ -201,40 +188,32 @@ function receivePath(message) {
       return;
     }
   }
-  if (message.id < shownPlan || (message.final && message.status !== "solved" && inFlight.size)) return;
-  if (message.id > shownPlan) history = [];
-  shownPlan = message.id;
-  badEnd = null;
   const solved = message.status === "solved";
+  if (message.id < shownPlan || (message.final && !solved && inFlight.size)) return;
+  if (message.id > shownPlan) history = [];
+  [shownPlan, badEnd, dirty] = [message.id, null, true];
   scene.path = solved ? message : message.nearest ? {...message, states: message.nearest, partial: true} : null;
   if (playing && solved) follow(message.states);
   if (solved) history.push([message.time.total ?? 0, message.cost]);
-  const reasons = {timeout: "no path found in time", infeasible: "proven: there is no path"};
-  say(solved ? (message.reason && playing ? message.reason : message.final ? "path found, certified" : "certified; getting better")
-    : reasons[message.status] ?? message.status, !solved);
+  const words = {timeout: "no path found in time", infeasible: "proven: there is no path",
+    solved: playing && message.reason || (message.final ? "path found, certified" : "certified; getting better")};
+  say(words[message.status], !solved);
   showFigures(message);
   if (wanted !== null) plan(performance.now());
   $("why").textContent = solved ? "" : message.reason ?? "";
-  dirty = true;
 }
 
-function number(value, digits = 3) {
-  return Number(value).toPrecision(digits + (Math.abs(value) >= 1000 ? 1 : 0));
-}
+const number = (value, digits) => value.toPrecision(digits + (value >= 1000 ? 1 : 0));
 
-function milliseconds(value) {
-  return `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
-}
-
-function showFigures({cost, lower_bound: bound, time, min_clearance: least = null, history: whole}) {
-  const recent = latencies.slice(-60).sort((a, b) => a - b), first = time?.first_solution ?? NaN;
+function showFigures({cost, lower_bound: bound, time, min_clearance: least}) {
+  const recent = latencies.slice(-60).sort((a, b) => a - b), ms = (value) => `${number(value, value < 10 ? 2 : 3)} ms`;
   const figures = {
     cost: cost && `${number(cost, 4)} m`, bound: bound && `${number(bound, 4)} m`,
-    gap: cost && bound && `${(100 * (cost / bound - 1)).toFixed(2)} %`, first: first >= 0 && milliseconds(1000 * first),
-    latency: recent.length && milliseconds(recent[recent.length >> 1]), least: least !== null && least >= 0 && `${least.toFixed(3)} m`,
+    gap: cost && bound && `${(100 * (cost / bound - 1)).toFixed(2)} %`, first: time?.first_solution && ms(1000 * time.first_solution),
+    latency: recent.length && ms(recent[recent.length >> 1]), least: Number.isFinite(least) && `${least.toFixed(3)} m`,
   };
   for (const [id, text] of Object.entries(figures)) $(id).textContent = text || "–";
-  drawChart(whole?.length > 1 ? whole : history, bound);
+  drawChart(history, bound);
 }
 
 function drawChart(rows, bound) {

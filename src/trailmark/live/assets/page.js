@@ -12,11 +12,6 @@ const edits = new Set(), pointers = new Map(), inFlight = new Map(), waiting = n
 
 // ---- pointer: dragging, panning, pinching
 
-function place(event) {
-  const box = canvas.getBoundingClientRect();
-  return [event.clientX - box.left, event.clientY - box.top];
-}
-
 // How far two fingers are apart, and the place between them.
 function pinched() {
   const [[ax, ay], [bx, by]] = pointers.values();
@@ -27,7 +22,7 @@ canvas.addEventListener("pointerdown", (event) => {
   if (!scene.world) return;
   canvas.setPointerCapture(event.pointerId);
   canvas.focus({preventScroll: true});
-  const [px, py] = place(event), [x, y] = view.toWorld(px, py);
+  const [px, py] = [event.offsetX, event.offsetY], [x, y] = view.toWorld(px, py);
   pointers.set(event.pointerId, [px, py]);
   dirty = true;
   if (pointers.size === 2) {
@@ -53,7 +48,7 @@ canvas.addEventListener("pointerdown", (event) => {
 // Where the browser tells of moves as they come, a path is on its way before the frame that shows the move.
 canvas.addEventListener("onpointerrawupdate" in canvas ? "pointerrawupdate" : "pointermove", (event) => {
   if (!pointers.has(event.pointerId)) return;
-  const [px, py] = place(event), [x, y] = view.toWorld(px, py);
+  const [px, py] = [event.offsetX, event.offsetY], [x, y] = view.toWorld(px, py);
   pointers.set(event.pointerId, [px, py]);
   dirty = true;
   if (pinch && pointers.size === 2) {
@@ -92,7 +87,7 @@ canvas.addEventListener("pointerup", release);
 canvas.addEventListener("pointercancel", release);
 canvas.addEventListener("wheel", (event) => {
   event.preventDefault();
-  view.zoom(Math.exp(-event.deltaY * 0.0015), ...place(event));
+  view.zoom(Math.exp(-event.deltaY * 0.0015), event.offsetX, event.offsetY);
   dirty = true;
 }, {passive: false});
 
@@ -138,12 +133,7 @@ function offer(id, options) {
 }
 
 function select(what) {
-  selected = what;
-  listSelected();
-}
-
-function listSelected() {
-  if (selected !== "start" && !scene.obstacles.has(selected)) selected = "goal";
+  selected = what === "start" || scene.obstacles.has(what) ? what : "goal";
   offer("selected", ["start", "goal", ...scene.obstacles.keys()].map((name) => [name, name]));
   $("selected").value = selected;
   showSelected();
@@ -185,7 +175,7 @@ function removeSelected() {
   if (!scene.obstacles.has(selected)) return;
   scene.note();
   edit({remove: [selected]});
-  listSelected();
+  select(selected);
 }
 
 function selectNext(step) {
@@ -230,38 +220,25 @@ function drive(now) {
   return playing.at < playing.clock.at(-1);
 }
 
-function togglePlay() {
-  if (playing) stopPlaying();
-  else if (scene.path && !scene.path.partial) {
-    playing = {last: performance.now()};
-    follow(scene.path.states);
-    settle = 0;
-    showPlays();
-  }
+function startPlaying() {
+  if (!scene.path || scene.path.partial) return;
+  playing = {last: performance.now()};
+  follow(scene.path.states);
+  settle = 0;
+  $("play").textContent = "Stop";
 }
 
 function stopPlaying() {
-  if (!playing) return;
+  if (playing) changed();
   playing = null;
-  showPlays();
-  changed();
-}
-
-function showPlays() {
-  $("play").setAttribute("aria-pressed", String(playing !== null));
-  $("play").textContent = playing ? "Stop" : "Play";
+  $("play").textContent = "Play";
 }
 
 // ---- files: what is opened is sent as a world, nothing of it reaches the server's disk
 
 async function open([file]) {
-  const text = await file.text();
-  if (/\.ya?ml$/i.test(file.name)) return openWorld({text});
-  scene.note();
-  return attempt(async () => {
-    if (!/\.json$/i.test(file.name)) throw new Error("expected a world (.yaml, .json); 'trailmark live FILE' opens maps");
-    takeWorld(await ask("world", {world: JSON.parse(text)}), true);
-  });
+  if (/\.(ya?ml|json)$/i.test(file.name)) openWorld({text: await file.text()});  // JSON is YAML
+  else $("error").textContent = "expected a world (.yaml, .json); 'trailmark live FILE' opens maps";
 }
 
 function download(name, content, type) {
@@ -292,8 +269,8 @@ print(result.status, result.path and result.path.cost)
 // ---- everything that is clicked, and the keyboard; then the page begins
 
 const clicks = {
-  undo: () => restore(scene.undo()), redo: () => restore(scene.redo()), delete: removeSelected, play: togglePlay,
-  fit: () => view.fit(scene.world.bounds),
+  undo: () => restore(scene.step(true)), redo: () => restore(scene.step(false)), delete: removeSelected,
+  play: () => (playing ? stopPlaying() : startPlaying()), fit: () => view.fit(scene.world.bounds),
   theme: () => {
     const dark = document.documentElement.dataset.theme !== "dark";
     document.documentElement.dataset.theme = dark ? "dark" : "light";
@@ -330,23 +307,22 @@ for (const id of ["shape", "radius", "length", "width", "turning"]) $(id).addEve
 for (const id of ["margin", "objective"]) $(id).addEventListener("change", () => setWorld(scene.content(), false, scene));
 $("selected").addEventListener("change", ({target}) => select(target.value));
 ["sx", "sy", "st"].forEach((id, axis) => $(id).addEventListener("change", ({target}) => setPose(axis, Number(target.value))));
-for (const name of ["dragover", "drop"]) {
-  document.addEventListener(name, (event) => {
-    event.preventDefault();
-    if (name === "drop" && event.dataTransfer.files.length) open(event.dataTransfer.files);
-  });
-}
+document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("drop", (event) => {
+  event.preventDefault();
+  if (event.dataTransfer.files.length) open(event.dataTransfer.files);
+});
 
 document.addEventListener("keydown", (event) => {
   const {key, target, shiftKey} = event;
   if (!scene.world || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName)) return;
   const step = (shiftKey ? 20 : 2) / view.scale, turn = ((shiftKey ? 15 : 3) * Math.PI) / 180;
-  const redo = () => restore(scene.redo()), undo = () => restore(shiftKey ? scene.redo() : scene.undo());
-  const actions = event.ctrlKey || event.metaKey ? {z: undo, Z: undo, y: redo, Y: redo} : target.tagName === "BUTTON" ? {} : {
+  const {undo, redo} = clicks;
+  const actions = event.ctrlKey || event.metaKey ? {z: undo, Z: redo, y: redo} : target.tagName === "BUTTON" ? {} : {
     ArrowLeft: () => nudge(-step, 0, 0), ArrowRight: () => nudge(step, 0, 0), ArrowUp: () => nudge(0, step, 0),
     ArrowDown: () => nudge(0, -step, 0), "[": () => nudge(0, 0, turn), "]": () => nudge(0, 0, -turn),
     "{": () => nudge(0, 0, turn), "}": () => nudge(0, 0, -turn), n: () => selectNext(1), N: () => selectNext(-1),
-    Delete: removeSelected, Backspace: removeSelected, " ": togglePlay, f: clicks.fit,
+    Delete: removeSelected, Backspace: removeSelected, " ": clicks.play, f: clicks.fit,
     "+": () => view.zoom(1.25), "=": () => view.zoom(1.25), "-": () => view.zoom(0.8),
     Enter: () => draft?.points && finishDraft(), Escape: () => setTool("move"),
   };

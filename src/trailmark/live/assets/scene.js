@@ -62,21 +62,13 @@ class Scene {
   }
 
   // Returns what was before or, back again, after; null if there is nothing.
-  step(from, to) {
-    const now = this.snapshot();
+  step(back) {
+    const now = this.snapshot(), [from, to] = back ? [this.before, this.after] : [this.after, this.before];
     let found = from.pop();
     while (found === now) found = from.pop();
     if (found === undefined) return null;
     to.push(now);
     return JSON.parse(found);
-  }
-
-  undo() {
-    return this.step(this.before, this.after);
-  }
-
-  redo() {
-    return this.step(this.after, this.before);
   }
 
   freshId() {

@@ -86,12 +86,6 @@ function handlePlace(end) {
   return [x + away * Math.cos(theta), y + away * Math.sin(theta)];
 }
 
-function lineOf(points, closed = false) {
-  const line = new Path2D();
-  addLine(line, points, closed);
-  return line;
-}
-
 function draw() {
   view.clear();
   if (!scene.world) return;
@@ -101,11 +95,7 @@ function draw() {
   for (const end of ["start", "goal"]) drawEnd(end);
   if (scene.obstacles.has(selected)) view.stroke(scene.areas.get(selected), colours.goal, 3);
   if (draft) view.stroke(draftShape() ? areaOf(draftShape()) : lineOf(draft.points), colours.goal);
-  if (playing) {
-    const body = bodyOf(scene.robot, playing.state);
-    view.fill(body, colours.way);
-    view.stroke(body, colours.ink);
-  }
+  if (playing) drawBody(playing.state, colours.way, 1, colours.ink, 2);
   while (drawn.length) latencies.push(performance.now() - drawn.shift());
   if (latencies.length > 2000) latencies.splice(0, 1000);
 }
@@ -113,13 +103,8 @@ function draw() {
 function drawWorld({bounds: [xmin, ymin, xmax, ymax], boundary, zones = []}) {
   const whole = lineOf([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]], true), outside = new Path2D(whole);
   view.fill(whole, colours.free);
-  if (boundary) {
-    addLine(outside, boundary, true);
-    view.fill(outside, colours.outside);
-  }
-  for (const {kind, vertices} of zones) {
-    view.fill(lineOf(vertices, true), kind === "keep-out" ? colours.bad : colours.other, 0.2);
-  }
+  if (boundary) view.fill(lineOf(boundary, true, outside), colours.outside);
+  for (const {kind, vertices} of zones) view.fill(lineOf(vertices, true), kind === "keep-out" ? colours.bad : colours.other, 0.2);
   view.stroke(whole, colours.shade, 1);
 }
 
@@ -133,10 +118,15 @@ function drawPath({states, partial}) {
 }
 
 function drawEnd(end) {
-  const body = bodyOf(scene.robot, scene[end]), bad = badEnd === end, handle = {shape: "disc", center: handlePlace(end), radius: 7 / view.scale};
-  view.fill(body, bad ? colours.bad : colours[end], bad ? 0.6 : 0.25);
-  view.stroke(body, bad ? colours.bad : colours[end], selected === end ? 3.5 : 2);
-  view.fill(areaOf(handle), colours[end]);
+  const bad = badEnd === end, colour = bad ? colours.bad : colours[end];
+  drawBody(scene[end], colour, bad ? 0.6 : 0.25, colour, selected === end ? 3.5 : 2);
+  view.fill(areaOf({shape: "disc", center: handlePlace(end), radius: 7 / view.scale}), colours[end]);
+}
+
+function drawBody(q, fill, alpha, stroke, width) {
+  const body = bodyOf(scene.robot, q);
+  view.fill(body, fill, alpha);
+  view.stroke(body, stroke, width);
 }
 
 function frame(now) {
