@@ -167,7 +167,9 @@ def test_files_are_read_in_the_browser(tab: Browser, address: str, tmp_path: Pat
     tab.wait("document.getElementById('error').textContent.includes('bounds')")
     tab.run(f"({drop})({json.dumps([['x.exe', 'MZ']])})")
     tab.wait("document.getElementById('error').textContent.includes('expected a world')")
-    tab.run(f"({drop})({json.dumps([['w.json', json.dumps({'trailmark': 1, 'name': 'told', 'bounds': [0, 0, 4, 3]})]])})")
+    tab.run(
+        f"({drop})({json.dumps([['w.json', json.dumps({'trailmark': 1, 'name': 'told', 'bounds': [0, 0, 4, 3]})]])})"
+    )
     tab.wait("trailmark.scene.world.name === 'told'")
     tab.key("z", "KeyZ", modifiers=2)
     tab.wait("trailmark.scene.world.name === 'dropped'")
