@@ -11,12 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
-from tests.helpers.oracle import Oracle
-from tests.support.trials import few
-
-from trailmark.benchmark import native
-from trailmark.benchmark.native import (
+from benchmarks.native import peer
+from benchmarks.native.peer import (
     NativeError,
     native_planners,
     native_program,
@@ -24,6 +20,10 @@ from trailmark.benchmark.native import (
     problem_text,
     run_native,
 )
+from numpy.typing import NDArray
+from tests.helpers.oracle import Oracle
+from tests.support.trials import few
+
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.record import RunRecord, Status
 from trailmark.benchmark.referee import Referee
@@ -312,7 +312,7 @@ def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
         f"#!/bin/sh\nif [ \"$1\" = planners ]; then echo '{names}'; exit 0; fi\ncat > /dev/null\n{body}\n"
     )
     script.chmod(0o755)
-    monkeypatch.setenv(native.VARIABLE, str(script))
+    monkeypatch.setenv(peer.VARIABLE, str(script))
 
 
 @pytest.mark.parametrize(
@@ -326,7 +326,7 @@ def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
 def test_a_program_that_dies_or_hangs_is_a_result(
     body: str, status: Status, failure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(native, "GRACE", (0.2, 0.0))
+    monkeypatch.setattr(peer, "GRACE", (0.2, 0.0))
     stand_in(tmp_path, monkeypatch, body)
     record = RunRecord.from_json(run_native(Problem(ROOM), JOB | {"planner": "native:PRM"}))
     assert record.status == status
@@ -339,7 +339,7 @@ def test_a_program_that_dies_or_hangs_is_a_result(
 
 
 def test_where_it_is_not_built_it_has_no_planners_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(native.VARIABLE, str(tmp_path / "nowhere"))
+    monkeypatch.setenv(peer.VARIABLE, str(tmp_path / "nowhere"))
     assert native_planners() == []
     assert native_versions() == {}
     with pytest.raises(NativeError, match=r"TRAILMARK_NATIVE names .*README.md says how it is built"):

@@ -16,7 +16,7 @@ from trailmark.planning.settings import METHODS
 
 @pytest.fixture
 def no_native(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trailmark.benchmark.native.native_planners", list)
+    monkeypatch.setattr("trailmark.benchmark.planners.native_peer", lambda: None)
 
 
 @pytest.mark.usefixtures("no_native")
@@ -86,10 +86,8 @@ def test_lattices_do_not_plan_for_cars() -> None:
 
 def test_parameters_of_native_planners_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     names = {"native:PRM": ["max_nearest_neighbors"]}
-    module = SimpleNamespace(
-        native_planners=lambda: list(names), native_parameters=names.__getitem__, __spec__=SimpleNamespace()
-    )
-    monkeypatch.setitem(sys.modules, "trailmark.benchmark.native", module)
+    peer = SimpleNamespace(native_planners=lambda: list(names), native_parameters=names.__getitem__)
+    monkeypatch.setattr("trailmark.benchmark.planners.native_peer", lambda: peer)
     assert read_planners(["native:prm:max_nearest_neighbors=3"]) == ["native:PRM:max_nearest_neighbors=3"]
     with pytest.raises(SuiteError, match="planner native:PRM: parameter: expected max_nearest_neighbors, got 'range'"):
         read_planners(["native:PRM:range=1"])

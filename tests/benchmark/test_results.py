@@ -94,9 +94,9 @@ def test_files_that_are_no_results(small: Path, tmp_path: Path) -> None:
     expected: dict[str, tuple[Any, str]] = {
         "none.db": (FormatError, "does not exist"),
         "": (FormatError, "is no file"),
-        "text.db": (FormatError, "not an SQLite database"),
+        "text.db": (StoreError, "no SQLite database"),
         "empty.db": (StoreError, "empty database"),
-        "torn.db": (StoreError, "cannot be read"),
+        "torn.db": (StoreError, "malformed"),
     }
     for name, (kind, problem) in expected.items():
         with pytest.raises(kind, match=problem):
@@ -106,10 +106,10 @@ def test_files_that_are_no_results(small: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        ("PRAGMA application_id = 7", "another program"),
-        ("PRAGMA user_version = 9", "expected schema version 1, got 9"),
-        ("DROP TABLE progress", "'progress' is missing"),
-        ("ALTER TABLE runs DROP COLUMN memory", "no column 'memory'"),
+        ("PRAGMA application_id = 7", "did not write"),
+        ("PRAGMA user_version = 9", "expected schema version 1, got version 9"),
+        ("DROP TABLE progress", "no such table: progress"),
+        ("ALTER TABLE runs DROP COLUMN memory", "no such column: memory"),
         ("DELETE FROM runs", "no finished run"),
         ("UPDATE runs SET time = ''", r"small\.db: a cell holds what its column does not"),
         ("UPDATE runs SET time = '[['", r"small\.db: a cell holds what its column does not"),

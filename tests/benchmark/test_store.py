@@ -111,7 +111,7 @@ def damaged_database(file: Path) -> None:
     ("make", "problem"),
     [
         (foreign_database, "that trailmark benchmark did not write"),
-        (future_database, "expected schema version 1 or a new file, got version 99"),
+        (future_database, "expected schema version 1, got version 99"),
         (damaged_database, "malformed"),
         (lambda file: file.write_text("my thesis\n" * 100), "no SQLite database"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 import re
@@ -22,7 +23,9 @@ __all__ = [
     "OWN_SPACING",
     "PlannerName",
     "known_planners",
+    "load_function",
     "method_settings",
+    "native_peer",
     "read_planners",
     "settings_of",
     "spacing_of",
@@ -107,11 +110,21 @@ def spacing_of(planner: str, robot: Robot) -> float:
 
 def known_planners() -> list[str]:
     """Return the names of all planners: trailmark's, OMPL's as they are and certified, native ones where built."""
-    from trailmark.benchmark.native import native_planners
     from trailmark.ompl_bridge.planners import planner_names
     from trailmark.planning.settings import METHODS
 
-    return [*METHODS, *(name + motions for name in planner_names() for motions in ("", CERTIFIED)), *native_planners()]
+    peer = native_peer()
+    ompls = [name + motions for name in planner_names() for motions in ("", CERTIFIED)]
+    return [*METHODS, *ompls, *(peer.native_planners() if peer is not None else ())]
+
+
+def native_peer() -> Any:
+    """Return the module that runs OMPL's C++ planners, which is in the project's folder; None elsewhere."""
+    _look_here_too()
+    try:
+        return importlib.import_module("benchmarks.native.peer")
+    except ImportError:
+        return None
 
 
 def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
@@ -163,9 +176,7 @@ def settings_of(name: str) -> str:
     given = ", ".join([*(f"{key}={value}" for key, value in named.parameters.items()), ""])
     given = f"{given}else default settings" if given else "default settings"
     if named.native:
-        from trailmark.benchmark.native import native_versions
-
-        made = ", ".join(f"{what} {version}" for what, version in native_versions().items())
+        made = ", ".join(f"{what} {version}" for what, version in native_peer().native_versions().items())
         motions = "certified by bisection of clearances" if named.certified else "discrete"
         return f"OMPL in C++, {given}; states checked by FCL in C++; motions {motions}; {made}"
     if named.own:
@@ -210,9 +221,7 @@ def _require_parameters(name: PlannerName) -> None:
     if not name.parameters:
         return
     if name.native:
-        from trailmark.benchmark.native import native_parameters
-
-        known = native_parameters(name.base)
+        known = native_peer().native_parameters(name.base)
         for parameter, text in name.parameters.items():
             if parameter not in known:
                 raise SuiteError(f"planner {name.base}: parameter: {expected_name(parameter, known)}")
@@ -229,14 +238,25 @@ def _require_parameters(name: PlannerName) -> None:
             raise SuiteError(str(error)) from None
 
 
+def load_function(name: str) -> Any:
+    """Return the function that ``module:function`` names."""
+    _look_here_too()
+    module, _, function = name.partition(":")
+    return getattr(importlib.import_module(module), function)
+
+
 def _require_module(name: str) -> None:
     module = name.partition(":")[0]
-    # As the worker processes will import it.
-    if os.getcwd() not in sys.path:  # noqa: PTH109  # sys.path holds strings
-        sys.path.append(os.getcwd())  # noqa: PTH109  # as above
+    _look_here_too()
     try:
         found = importlib.util.find_spec(module)
     except (ImportError, ValueError):
         found = None
     if found is None:
         raise SuiteError(f"planner {name!r} given, but there is no module {module!r}; expected module:function")
+
+
+def _look_here_too() -> None:
+    """Import from the working directory too, as worker processes do; last, so that no file takes a library's place."""
+    if os.getcwd() not in sys.path:  # noqa: PTH109  # sys.path holds strings
+        sys.path.append(os.getcwd())  # noqa: PTH109  # as above

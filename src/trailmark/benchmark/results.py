@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,8 +20,8 @@ from numpy.typing import NDArray
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.record import MEASURED, Status
-from trailmark.benchmark.store import APPLICATION, BUSY, VERSION
-from trailmark.errors import FormatError, TrailmarkError
+from trailmark.benchmark.store import BUSY, check_schema, errors_in_one_line
+from trailmark.errors import FormatError
 
 __all__ = ["Curve", "Problem", "Results", "Runs", "load_results"]
 
@@ -211,27 +212,15 @@ def _json_object(text: object) -> dict[str, Any]:
 
 @contextmanager
 def _opened(file: Path) -> Iterator[sqlite3.Connection]:
-    """Open the database for reading, check its schema, and report SQLite's errors in one line."""
+    """Open the database for reading, and check its schema."""
     if not file.is_file():
         raise FormatError(file, f"{'is no file' if file.exists() else 'does not exist'}; {ALLOWED}")
-    try:
-        with file.open("rb") as opened:
-            head = opened.read(16)
-    except OSError as error:
-        raise FormatError(file, f"cannot be read: {error.strerror}") from None
-    if head and head != b"SQLite format 3\0":
-        raise FormatError(file, f"not an SQLite database; {ALLOWED}")
-    try:
-        with closing(_connect(file)) as db:
-            _check_schema(db, file)
-            yield db
-    except TrailmarkError:
-        raise
-    except (TypeError, ValueError, OverflowError) as error:
-        raise StoreError(f"{file}: a cell holds what its column does not: {error}; {ALLOWED}") from None
-    except sqlite3.Error as error:
-        problem = "locked by another program" if "locked" in str(error) else str(error)
-        raise StoreError(f"{file}: cannot be read: {problem}; {ALLOWED}") from None
+    if not os.access(file, os.R_OK):
+        raise FormatError(file, "cannot be read: permission denied")
+    with errors_in_one_line(file, ALLOWED), closing(_connect(file)) as db:
+        if not check_schema(db, file):
+            raise StoreError(f"{file}: an empty database; {ALLOWED}")
+        yield db
 
 
 def _connect(file: Path) -> sqlite3.Connection:
@@ -243,19 +232,3 @@ def _connect(file: Path) -> sqlite3.Connection:
         # A benchmark that was killed leaves a journal, which only a writer may roll back.
         db = sqlite3.connect(f"{address}?mode=rw", uri=True, timeout=BUSY)
     return db
-
-
-def _check_schema(db: sqlite3.Connection, file: Path) -> None:
-    application, version = (db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
-    tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    if not tables:
-        raise StoreError(f"{file}: an empty database, {ALLOWED}")
-    if application != APPLICATION:
-        raise StoreError(f"{file}: an SQLite database of another program; {ALLOWED}")
-    if version != VERSION:
-        raise StoreError(f"{file}: expected schema version {VERSION}, got {version}")
-    for missing in sorted({"experiments", "plannerConfigs", "runs", "progress"} - tables):
-        raise StoreError(f"{file}: the table {missing!r} is missing; {ALLOWED}")
-    columns = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
-    for absent in sorted({"id", "experimentid", "plannerid", *MEASURED} - columns):
-        raise StoreError(f"{file}: the table 'runs' has no column {absent!r}; {ALLOWED}")

@@ -6,10 +6,7 @@ later part (counting the graph, simplifying the path) does not take the planning
 
 from __future__ import annotations
 
-import importlib
 import inspect
-import os
-import sys
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path as FilePath
@@ -19,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trailmark import se2
-from trailmark.benchmark.planners import PlannerName, method_settings
+from trailmark.benchmark.planners import PlannerName, load_function, method_settings, native_peer
 from trailmark.benchmark.problems import Job, read_problem
 from trailmark.benchmark.record import Status
 from trailmark.benchmark.referee import Referee
@@ -127,9 +124,7 @@ def answers(prepared: Prepared, job: Job) -> Iterator[Answer]:
             return
     name, limit, graph = PlannerName.parse(job["planner"]), job["time_limit"], None
     if name.native:
-        from trailmark.benchmark.native import run_native
-
-        answer = run_native(prepared.problem, job)
+        answer = native_peer().run_native(prepared.problem, job)
         yield _in_time(answer, limit) if "curve" in answer else answer
         return
     if name.own:
@@ -231,10 +226,7 @@ def _own(prepared: Prepared, job: Job) -> Generator[Answer, None, Answer]:
     ``prepare`` takes ``prepared`` too, which is what ``prepare(checker)`` has returned: that is set-up, before the
     clock starts, as the checker's is.
     """
-    module, _, function = job["planner"].partition(":")
-    # Last, so that no file of the user's takes a library's place.
-    sys.path.append(os.getcwd())  # noqa: PTH109  # sys.path holds strings
-    plan = getattr(importlib.import_module(module), function)
+    plan = load_function(job["planner"])
     memory, reported = _resident_memory(), list[tuple[float, Path]]()
 
     def add(now: float, states: ArrayLike) -> None:

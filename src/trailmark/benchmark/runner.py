@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 
 from trailmark.benchmark.environment import cpu_name, source_digest, versions
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.native import native_versions
-from trailmark.benchmark.planners import OWN_SPACING, settings_of, spacing_of
+from trailmark.benchmark.planners import OWN_SPACING, native_peer, settings_of, spacing_of
 from trailmark.benchmark.problems import Job, Problem
 from trailmark.benchmark.record import RunRecord
 from trailmark.benchmark.store import Store
@@ -149,7 +148,8 @@ class Benchmark:
         }
 
     def _experiment(self, store: Store, problem: Problem) -> int:
-        found, cpu = versions() | native_versions(), cpu_name()
+        peer, cpu = native_peer(), cpu_name()
+        found = versions() | (peer.native_versions() if peer is not None else {})
         return store.experiment(
             identity={
                 "problem": problem.key,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -65,13 +66,10 @@ class PublicSuite:
             return Path()
         if given is None:
             raise SuiteError(f"suite {self.name}: --data is missing; expected a folder with {self.expected}")
-        try:
-            there = Path(given).is_dir()
-        except OSError:  # no folder can have that name
-            there = False
-        if not there:
-            raise SuiteError(f"--data: expected a folder with {self.expected}, got {given!r}")
-        return Path(given)
+        with suppress(OSError):  # no folder can have that name
+            if Path(given).is_dir():
+                return Path(given)
+        raise SuiteError(f"--data: expected a folder with {self.expected}, got {given!r}")
 
     def worlds(self, folder: Path, found: Found, count: int | None, robot: Robot | None) -> Iterator[World]:
         """Yield worlds with ``count`` of the problems, spread evenly over all; with every one if it is None.
