@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-import yaml
-from PIL import Image
-from tests.cli.test_map_bags import write_bag
 from tests.ros.support import (
     CORNERS,
     SQUARE,
@@ -289,22 +283,3 @@ def test_cells_count_by_their_threshold_and_unknown_ones_as_told(client: Any) ->
     assert client.set(allow_unknown=True) == []
     assert states(client.plan(start, goal).path)[:, 1].max() > 8.0
     assert client.set(lethal_cost_threshold=100, allow_unknown=False, footprint=SQUARE) == []
-
-
-def test_a_map_made_of_a_bag_is_planned_in(client: Any, tmp_path: FilePath) -> None:
-    write_bag(tmp_path / "drive", scans=True)
-    words: list[str | FilePath] = [
-        "map",
-        tmp_path / "drive",
-        "--output",
-        tmp_path / "world.yaml",
-        "--nav2",
-        tmp_path / "map.yaml",
-    ]
-    subprocess.run([sys.executable, "-m", "trailmark", *words], check=True, timeout=300, capture_output=True)
-    read = yaml.safe_load((tmp_path / "map.yaml").read_text())
-    cells = np.flipud(np.asarray(Image.open(tmp_path / read["image"]))) < 255 * (1.0 - read["free_thresh"])
-    client.show(cells, read["resolution"], read["origin"])
-    result = client.plan((1.5, 0.0, 0.0), (4.5, 0.5, 1.0))
-    assert result.error_code == 0, result.error_msg
-    assert not collides(filled(states(result.path), 0.02), cells, CORNERS, read["resolution"], read["origin"])
