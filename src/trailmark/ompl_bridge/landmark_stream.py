@@ -261,7 +261,7 @@ class LandmarkStream:
         if count < BATCH:
             q = self._rng.permutation(np.vstack([q, self._near_landmarks(BATCH - count)]))
         q = q[self.source.inside(q)]
-        q = q[self._checker.valid(q)]
+        q = q[np.asarray(self._checker.valid(q), dtype=np.bool_)]
         # Where hardly anything is valid, the next landmarks come sooner.
         self._follow -= max(BATCH // 8, len(q))
         return q
