@@ -15,7 +15,7 @@ from trailmark import se2
 from trailmark.benchmark.referee import Referee
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
-from trailmark.motion import CurveMotion
+from trailmark.motion import motion_of
 from trailmark.planning import LandmarkPlanner
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -85,23 +85,6 @@ def test_a_disc_passing_a_disc_is_plain_geometry(height: float, radius: float, r
     assert (Referee(world, Robot.disc(robot)).fault([start, goal], start, goal) is None) == (apart > 0.0)
 
 
-@pytest.mark.slow
-def test_it_agrees_with_the_certified_checker() -> None:
-    rng = np.random.default_rng(5)
-    checker, judge = StateChecker(ROOM, ROBOT), Referee(ROOM, ROBOT)
-    q = rng.uniform((0.0, 0.0, -np.pi), (10.0, 6.0, np.pi), (600, 3))
-    a, b = np.split(q[checker.valid(q)][: 2 * (int(checker.valid(q).sum()) // 2)], 2)
-    certified = checker.motions_valid(a, b)
-    judged = np.array([judge.fault([x, y], x, y) is None for x, y in zip(a, b, strict=True)])
-    assert 20 < certified.sum() < len(a) - 20
-    # A certified motion is right. One that is not certified is wrong, but for grazes between two samples.
-    assert judged[certified].all()
-    grazes = judged & ~certified
-    for x, y in zip(a[grazes], b[grazes], strict=True):
-        along = se2.interpolate(x, y, np.linspace(0.0, 1.0, 20_000))
-        assert checker.clearance(along).min() < 1e-3
-
-
 CAR = Robot.rectangle(0.8, 0.4).steered(1.0)
 
 
@@ -153,21 +136,22 @@ def test_of_a_car_the_direction_of_travel_counts_in_one_way_zones(reverse: bool)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reverse", [True, False])
-def test_of_a_car_it_agrees_with_the_certified_checker(reverse: bool) -> None:
-    rng = np.random.default_rng(7)
-    car = CAR.steered(1.0, reverse)
-    motion, judge = CurveMotion(StateChecker(ROOM, car)), Referee(ROOM, car)
-    q = rng.uniform((0.0, 0.0, -np.pi), (10.0, 6.0, np.pi), (600, 3))
+@pytest.mark.parametrize("robot", [ROBOT, CAR, CAR.steered(1.0, reverse=False)], ids=["straight", "car", "forwards"])
+def test_it_agrees_with_the_certified_checker(robot: Robot) -> None:
+    rng = np.random.default_rng(5)
+    motion, judge = motion_of(StateChecker(ROOM, robot)), Referee(ROOM, robot)
+    q = rng.uniform((0.0, 0.0, -np.pi), (10.0, 6.0, np.pi), (800, 3))
     q = q[motion.checker.valid(q)]
-    count = few(150, 2)
+    count = few(200, 2)
     a, b = q[:count], q[count : 2 * count]
     certified = motion.motions_valid(a, b)
     judged = np.array([judge.fault([x, y], x, y) is None for x, y in zip(a, b, strict=True)])
     assert 10 < certified.sum() < len(a) - 10
+    # A certified motion is right. One that is not certified is wrong, but for grazes between two samples.
     assert judged[certified].all()
+    steering, at = Steering.of(robot), np.linspace(0.0, 1.0, 20_000)
     for x, y in zip(a[judged & ~certified], b[judged & ~certified], strict=True):
-        along = motion.steering.states(x, y, np.linspace(0.0, motion.steering.lengths(x, y), 20_000))
+        along = se2.interpolate(x, y, at) if steering is None else steering.states(x, y, at * steering.lengths(x, y))
         assert motion.checker.clearance(along).min() < 1e-3
 
 
