@@ -109,7 +109,7 @@ def test_files_that_are_no_results(small: Path, tmp_path: Path) -> None:
         ("PRAGMA application_id = 7", "did not write"),
         ("PRAGMA user_version = 9", "expected schema version 1, got version 9"),
         ("DROP TABLE progress", "no such table: progress"),
-        ("ALTER TABLE runs DROP COLUMN memory", "no such column: memory"),
+        ("ALTER TABLE runs DROP COLUMN solution_length", "no such column: solution_length"),
         ("DELETE FROM runs", "no finished run"),
         ("UPDATE runs SET time = ''", r"small\.db: a cell holds what its column does not"),
         ("UPDATE runs SET time = '[['", r"small\.db: a cell holds what its column does not"),

@@ -192,7 +192,7 @@ def _ratios(results: Results, name: str, other: str) -> tuple[str, str]:
     for problem in results.problems:
         if name in problem.runs and other in problem.runs:
             ours, theirs = problem.runs[name], problem.runs[other]
-            _, own, others = np.intersect1d(ours["seed"], theirs["seed"], return_indices=True)
+            _, own, others = np.intersect1d(ours.seeds, theirs.seeds, return_indices=True)
             times.append((_at_limit(problem, ours)[own], _at_limit(problem, theirs)[others]))
             a, b = ours.costs[own], theirs.costs[others]
             both = np.isfinite(a) & np.isfinite(b) & (a > 0.0) & (b > 0.0)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.benchmark.errors import StoreError
-from trailmark.benchmark.record import MEASURED, Status
+from trailmark.benchmark.record import Status
 from trailmark.benchmark.store import BUSY, check_schema, errors_in_one_line
 from trailmark.errors import FormatError
 
@@ -30,7 +30,8 @@ Curve = tuple[FloatArray, FloatArray]
 """Seconds, ascending, and the cost of the best path so far; both of shape (n,)."""
 
 ALLOWED = "expected a results database that 'trailmark benchmark' wrote"
-NUMBERS = tuple(name for name, kind in MEASURED.items() if kind != "TEXT")
+COLUMNS = ("seed", "status", "solved", "correct_solution", "time", "time_to_first_solution", "solution_length")
+COLUMNS += ("simplified_solution_length",)
 
 
 @dataclass(frozen=True)
@@ -38,64 +39,44 @@ class Runs:
     """All runs of one planner on one problem, in the order of their seeds.
 
     Attributes:
-        columns: for each numeric column of the table ``runs`` an array of shape (n,), NaN where it is null.
+        seeds: shape (n,).
+        statuses: OMPL's numbers for how they ended, 0 where none is known; shape (n,).
+        claimed: which of them the planner calls solved, exactly; shape (n,).
+        success: which of these the referee calls correct too: only these count as solved; shape (n,).
+        first_times: seconds to the first solution, infinity for a failed run; shape (n,).
+        costs: of the returned path (metres), infinity for a failed run; shape (n,).
+        simplified_costs: of the path after the common simplifier, infinity where there is none; shape (n,).
         failures: why a run gave no answer or was refused, None where it did neither; n of them.
         curves: the best cost over time of each run; n of them, of which any may be empty.
     """
 
-    columns: Mapping[str, FloatArray]
+    seeds: FloatArray
+    statuses: FloatArray
+    claimed: NDArray[np.bool_]
+    success: NDArray[np.bool_]
+    first_times: FloatArray
+    costs: FloatArray
+    simplified_costs: FloatArray
     failures: Sequence[str | None]
     curves: Sequence[Curve]
 
     def __len__(self) -> int:
         return len(self.failures)
 
-    def __getitem__(self, name: str) -> FloatArray:
-        return self.columns[name]
-
-    @cached_property
-    def claimed(self) -> NDArray[np.bool_]:
-        """Which runs the planner calls solved, exactly; shape (n,)."""
-        return np.asarray(self["solved"] == 1.0)
-
-    @cached_property
-    def success(self) -> NDArray[np.bool_]:
-        """Which of them the referee calls correct too: only these count as solved; shape (n,)."""
-        return np.asarray(self.claimed & (self["correct_solution"] == 1.0))
-
     @property
     def refused(self) -> int:
         """How many paths the planner called solutions and the referee did not."""
         return int((self.claimed & ~self.success).sum())
-
-    @cached_property
-    def first_times(self) -> FloatArray:
-        """Seconds to the first solution, shape (n,); infinity for a failed run."""
-        # A planner that tells only of its end had its first solution no later.
-        return np.minimum(self._of_solved("time"), self._of_solved("time_to_first_solution"))
-
-    @cached_property
-    def costs(self) -> FloatArray:
-        """Cost of the returned path (metres), shape (n,); infinity for a failed run."""
-        return self._of_solved("solution_length")
-
-    @cached_property
-    def simplified_costs(self) -> FloatArray:
-        """Cost of the path after the common simplifier, shape (n,); infinity where there is none."""
-        return self._of_solved("simplified_solution_length")
 
     @property
     def best_costs(self) -> FloatArray:
         """The lower of :attr:`costs` and :attr:`simplified_costs`, shape (n,)."""
         return np.minimum(self.costs, self.simplified_costs)
 
-    def _of_solved(self, name: str) -> FloatArray:
-        return np.where(self.success & ~np.isnan(self[name]), self[name], np.inf)
-
     def endings(self) -> dict[str, int]:
         """Return how many runs ended without success, by how they ended; most frequent first."""
         known = {int(status): status.description.lower() for status in Status}
-        counts = Counter(known.get(int(s), "unknown status") for s in np.nan_to_num(self["status"][~self.claimed]))
+        counts = Counter(known.get(int(status), "unknown status") for status in self.statuses[~self.claimed])
         counts.update({"refused by the referee": self.refused} if self.refused else {})
         return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
@@ -184,7 +165,7 @@ def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, s
     facts["setup"] = _json_object(row[10])
     progress = "SELECT runid, time, best_cost FROM progress WHERE runid IN (SELECT id FROM runs WHERE experimentid = ?)"
     steps = np.array(db.execute(f"{progress} AND best_cost NOTNULL ORDER BY runid, time", (key,)).fetchall(), float)
-    columns = ", ".join(("plannerid", "id", "failure", *NUMBERS))
+    columns = ", ".join(("plannerid", "id", "failure", *COLUMNS))
     query = f"SELECT {columns} FROM runs WHERE experimentid = ? ORDER BY plannerid, seed, id"  # noqa: S608  # our own names
     runs = {
         names.get(planner, f"planner {planner}"): _runs(list(found), steps.reshape(-1, 3))
@@ -194,12 +175,18 @@ def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, s
 
 
 def _runs(rows: Sequence[tuple[Any, ...]], steps: FloatArray) -> Runs:
-    table = np.array([row[3:] for row in rows], dtype=np.float64)
-    ids = np.array([row[1] for row in rows], dtype=np.float64)
-    begin, end = (np.searchsorted(steps[:, 0], ids, side) for side in ("left", "right"))
-    curves = [(steps[a:b, 1], steps[a:b, 2]) for a, b in zip(begin, end, strict=True)]
-    columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(NUMBERS)}
-    return Runs(columns, [row[2] for row in rows], curves)
+    seeds, statuses, solved, correct, end, first, cost, simplified = np.array([row[3:] for row in rows], dtype=float).T
+    success = (solved == 1.0) & (correct == 1.0)
+    # Not known is infinite; a planner that tells only of its end had its first solution no later.
+    end, first, cost, simplified = (
+        np.where(success & ~np.isnan(column), column, np.inf) for column in (end, first, cost, simplified)
+    )
+    ids = np.array([row[1] for row in rows], dtype=float)
+    begins, ends = (np.searchsorted(steps[:, 0], ids, side) for side in ("left", "right"))
+    curves = [(steps[a:b, 1], steps[a:b, 2]) for a, b in zip(begins, ends, strict=True)]
+    why = [row[2] for row in rows]
+    times = np.minimum(end, first)
+    return Runs(seeds, np.nan_to_num(statuses), solved == 1.0, success, times, cost, simplified, why, curves)
 
 
 def _json_object(text: object) -> dict[str, Any]:

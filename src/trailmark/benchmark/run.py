@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from trailmark.ompl_bridge.problem import SE2Problem
-    from trailmark.planning import LandmarkPlanner, PlanProgress
+    from trailmark.planning import LandmarkPlanner
 
 __all__ = ["PREPARING", "WAIT", "Prepared", "answers", "load_all"]
 
@@ -195,26 +195,15 @@ def _landmark_planner(prepared: Prepared, name: PlannerName, seed: int) -> Landm
 
 
 def _landmark(prepared: Prepared, job: Job, name: PlannerName) -> tuple[Answer, Graph]:
-    limit, memory = job["time_limit"], _resident_memory()
-    best: list[PlanProgress] = []
-
-    def on_progress(progress: PlanProgress) -> None:
-        if progress.elapsed <= _latest(limit):
-            best[:] = [progress]
-
-    begin = perf_counter()
+    limit, memory, begin = job["time_limit"], _resident_memory(), perf_counter()
     planner = _landmark_planner(prepared, name, job["seed"])
     before = perf_counter() - begin
-    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress)
-    time = perf_counter() - begin
-    path, status = result.path, _LANDMARK[result.status]
+    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3))
+    time, path, status = perf_counter() - begin, result.path, _LANDMARK[result.status]
     if result.status == "timeout" and result.nearest is not None and len(result.nearest) > 1:
         path, status = result.nearest, Status.APPROXIMATE_SOLUTION
-    elif path is not None and time > _latest(limit) and best and best[0].path is not None:
-        path = best[0].path  # the one it had in time
     curve = [(t + before, cost) for t, cost in result.history]
-    answer = _answer(prepared, status, time, curve, path, memory)
-    return answer, lambda: (result.landmarks, result.edges)
+    return _answer(prepared, status, time, curve, path, memory), lambda: (result.landmarks, result.edges)
 
 
 def _own(prepared: Prepared, job: Job) -> Generator[Answer, None, Answer]:
@@ -267,10 +256,7 @@ def _answer(
     path: Path | None,
     memory: float,
 ) -> Answer:
-    """Return what was found, as fields of a RunRecord; how far the path ends from the goal is measured anew.
-
-    ``memory`` is what the process held when planning began.
-    """
+    """Return what was found, as fields of a RunRecord; ``memory`` is what the process held when planning began."""
     steering, solved, difference = prepared.problem.steering, status == Status.EXACT_SOLUTION, None
     if path is not None:
         between = se2.distance if steering is None else steering.lengths

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from trailmark.benchmark.errors import SuiteError
 from trailmark.world import Robot, World
@@ -18,14 +18,8 @@ __all__ = ["Found", "PublicSuite", "evenly", "files_below", "in_order"]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Found:
-    """What lies in a folder.
-
-    Attributes:
-        problems: each a file and a number within it; the problems of a file lie side by side.
-        left_out: lines that tell what is there but cannot be planned for, and why.
-    """
+class Found(NamedTuple):
+    """What lies in a folder: problems, each a file and a number within it, and lines that tell what is left out."""
 
     problems: Sequence[tuple[Path, int]]
     left_out: Sequence[str] = ()
