@@ -255,6 +255,9 @@ def test_certified_motions_see_what_lies_between_any_two_states(tmp_path: Path) 
 def test_the_same_seed_gives_the_same_path_and_an_invalid_start_is_a_result() -> None:
     runs = [run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect", "seed": seed}) for seed in (0, 0, 1)]
     assert runs[0]["path"] == runs[1]["path"] != runs[2]["path"]
+    assert all(version[0].isdigit() for version in native_versions().values())
+    with pytest.raises(NativeError, match="did you mean 'native:PRMstar'"):
+        run_native(Problem(ROOM), JOB | {"planner": "native:PRMstars"})
     world = replace(ROOM, queries=(Query("inside", (3.0, 2.0, 0.0), (9.0, 1.0, 0.0)),))
     record = RunRecord.from_json(run_native(Problem(world), JOB | {"planner": "native:RRTConnect"}))
     assert (record.status, record.solved, record.path) == (Status.INVALID_START, False, None)
@@ -268,14 +271,6 @@ def test_the_memory_limit_ends_a_run_and_is_a_result() -> None:
     answer = run_native(Problem(open_field), job)
     assert answer["status"] == Status.ABORT
     assert "out of memory" in answer["failure"]
-
-
-@built
-def test_planners_and_versions_are_named() -> None:
-    assert {"native:PRM", "native:RRTstar", "native:RRTConnect", "native:BITstar"} <= set(native_planners())
-    assert all(version[0].isdigit() for version in native_versions().values())
-    with pytest.raises(NativeError, match="did you mean 'native:PRMstar'"):
-        run_native(Problem(ROOM), JOB | {"planner": "native:PRMstars"})
 
 
 @built

@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import json
-import signal
 import sqlite3
-import subprocess
-import sys
-import textwrap
-import time
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -125,42 +120,6 @@ def test_what_is_no_results_database_is_left_alone(make: Any, problem: str, tmp_
     assert "\n" not in str(caught.value)
     assert file.read_bytes() == before
     assert list(tmp_path.iterdir()) == [file]
-
-
-WRITER = """
-    import sys
-    from pathlib import Path
-    from tests.benchmark.conftest import experiment, solved
-    from trailmark.benchmark.store import Store
-
-    with Store(Path(sys.argv[1])) as store:
-        row, planner = store.experiment(**experiment()), store.planner("landmark", "default")
-        for seed in range(len(store.finished(row)), 100_000):
-            store.add(row, planner, solved(seed))
-            print(seed, flush=True)
-"""
-
-
-@pytest.mark.slow
-def test_what_was_reported_to_be_written_survives_a_kill(tmp_path: Path) -> None:
-    file, last = tmp_path / "results.db", -1
-    for delay in (0.0, 0.05):
-        command = [sys.executable, "-c", textwrap.dedent(WRITER), str(file)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
-            reported = [int(process.stdout.readline())]
-            time.sleep(delay)
-            process.send_signal(signal.SIGKILL)
-            reported += [int(line) for line in process.stdout if line.endswith("\n")]
-        assert reported[0] > last
-        last = reported[-1]
-        with Store(file) as store:
-            there = sorted(seed for _, seed in store.finished(1))
-        # All that was reported, and at most the one that was under way.
-        assert there in (list(range(last + 1)), list(range(last + 2)))
-        last = there[-1]
-        assert rows(file, "PRAGMA integrity_check") == [("ok",)]
-        assert rows(file, "SELECT count(*) FROM progress") == [(2 * len(there),)]
 
 
 def test_statuses_have_ompls_numbers() -> None:
