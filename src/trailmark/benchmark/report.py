@@ -183,7 +183,7 @@ def _ranking(results: Results, names: Sequence[str]) -> _Table:
         low, high = wilson(*map(int, row[1].split("/")))
         ratios = _ratios(results, name, names[0]) if name != names[0] else ("1", "1")
         row += [f"{100 * low:.0f} to {100 * high:.0f} %", _number(_mean_time(_parts(results, name))), *ratios]
-    return _Table([*header, "solved, 95 % interval", "first path, mean s", "time ratio", "cost ratio"], rows)
+    return _Table([*header, "95 % interval", "mean s", "time ratio", "cost ratio"], rows)
 
 
 def _ratios(results: Results, name: str, other: str) -> tuple[str, str]:

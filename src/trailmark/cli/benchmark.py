@@ -181,7 +181,7 @@ def print_results(results: Results, planners: Sequence[str]) -> None:
 
     console.print_table(summary(results, planners), indent="  ")
     for name, endings, reasons in failures(results, planners):
-        console.say(f"{name}: {endings}: {reasons}")
+        console.say(f"{name}: {endings}: {reasons}".removesuffix(": –"))
 
 
 class Wanted(NamedTuple):
