@@ -30,8 +30,10 @@ Curve = tuple[FloatArray, FloatArray]
 """Seconds, ascending, and the cost of the best path so far; both of shape (n,)."""
 
 ALLOWED = "expected a results database that 'trailmark benchmark' wrote"
-COLUMNS = ("seed", "status", "solved", "correct_solution", "time", "time_to_first_solution", "solution_length")
-COLUMNS += ("simplified_solution_length",)
+COLUMNS = (
+    *("seed", "status", "solved", "correct_solution"),
+    *("time", "time_to_first_solution", "solution_length", "simplified_solution_length"),
+)
 
 
 @dataclass(frozen=True)
