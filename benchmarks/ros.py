@@ -79,7 +79,7 @@ def goals(name: str, robot: str, count: int) -> Claim:
 def changes(seconds: float) -> list[Claim]:
     """Change a window of 200 x 200 cells of a map of 1,000 x 1,000 cells, 20 times a second."""
     from tests.ros.support import Client, name_space, running
-    from tests.ros.test_attack import Judge, rounds
+    from tests.ros.test_attack import Judge
 
     space = name_space()
     with running(space, footprint=f"'{FOOTPRINT}'") as node:
@@ -88,12 +88,12 @@ def changes(seconds: float) -> list[Claim]:
         client.show(judge.cells(np.zeros((200, 200), np.bool_)), 0.05)
         client.plan((5.0, 25.0, 0.0), (45.0, 26.0, 1.0))
         for whole in (True, False):
-            rounds(client, rng, whole, 5.0, judge)
+            judge.publish(rng, 5.0, whole=whole)
         before = node.memory()
         claims = []
         for whole, name in ((True, "whole maps"), (False, "updates")):
             judge.told.clear()
-            rounds(client, rng, whole, 0.5 * seconds, judge)
+            judge.publish(rng, 0.5 * seconds, whole=whole)
             client.spin(1.0)
             median, most = 1e3 * np.percentile(found := judge.latencies(), [50, 95])
             figure = f"{median:.0f} ms, 95 %: {most:.0f} ms ({len(found)} paths, 0 collisions)"

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from trailmark.benchmark.planners import DEFAULT
+from trailmark.benchmark.planners import spacing_of
 from trailmark.benchmark.problems import Job, Problem, problems_of
 from trailmark.benchmark.record import RunRecord, Status
 from trailmark.benchmark.store import Store
@@ -60,7 +60,7 @@ def job(problem: Problem, planner: str, seed: int = 0, limit: float = 0.2, memor
         "seed": seed,
         "time_limit": limit,
         "memory_limit": memory,
-        "resolution": DEFAULT.metres(problem.robot),
+        "resolution": spacing_of(planner, problem.robot),
     }
 
 

@@ -11,23 +11,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = [
-    "abort",
-    "better",
-    "crash",
-    "dawdle",
-    "eat",
-    "fail",
-    "hang",
-    "honest",
-    "leave",
-    "lie",
-    "run_ahead",
-    "shout",
-    "stray",
-    "turn_back",
-]
-
 
 def honest(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
     """Go straight, as tests choose problems where that is right; take a while."""

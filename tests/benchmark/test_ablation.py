@@ -44,19 +44,11 @@ def test_figures_are_those_of_the_runs() -> None:
     assert "decided -16.7" in found["without lattice"].figure
 
 
-@pytest.fixture(scope="module")
-def given() -> list[Case]:
-    return ablation_cases()
-
-
 @pytest.mark.slow
-def test_problems_are_of_every_group_from_the_front(given: list[Case]) -> None:
+def test_problems_are_of_every_group_and_variants_those_that_concern_the_robot() -> None:
+    given = ablation_cases()
     assert {case.group for case in given[:12]} >= {"shipped", "random", "passages", "mixed", "cars"}
     assert len({case.problem.key for case in given}) == len(given)
-
-
-@pytest.mark.slow
-def test_variants_are_those_that_concern_the_robot(given: list[Case]) -> None:
     by_group = {case.group: case for case in given}
     car, straight = (ablation.variants(by_group[group]) for group in ("cars", "passages"))
     assert "planner lattice" in straight

@@ -30,21 +30,14 @@ RUNS = 12
 
 @contextmanager
 def process(*words: object) -> Iterator[subprocess.Popen[bytes]]:
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")]),
-        "DASK_DISTRIBUTED__DIAGNOSTICS__NVML": "False",
-    }
-    started = subprocess.Popen(
-        [sys.executable, "-W", "ignore", "-m", *map(str, words)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-    )
-    try:
-        yield started
-    finally:
-        started.kill()
-        started.wait()
+    path = os.pathsep.join([str(ROOT), str(ROOT / "src")])
+    environment = os.environ | {"PYTHONPATH": path, "DASK_DISTRIBUTED__DIAGNOSTICS__NVML": "False"}
+    command, quiet = [sys.executable, "-W", "ignore", "-m", *map(str, words)], subprocess.DEVNULL
+    with subprocess.Popen(command, stdout=quiet, stderr=quiet, env=environment) as started:
+        try:
+            yield started
+        finally:
+            started.kill()
 
 
 def runs_in(file: Path) -> list[tuple[int, int]]:
@@ -103,18 +96,13 @@ def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path, capsys: pytest.Ca
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_does_not_answer() -> None:
+def test_a_scheduler_that_does_not_answer_and_no_dask(monkeypatch: pytest.MonkeyPatch) -> None:
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens
-        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(WorkerError, match="does not answer") as caught, cluster(address, answer_limit=0.5):
-            pass
-    assert "\n" not in str(caught.value)
-    with pytest.raises(WorkerError, match="does not answer"), cluster("no address", answer_limit=0.5):
-        pass
-
-
-def test_without_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+        for address in (f"tcp://127.0.0.1:{taken.getsockname()[1]}", "no address"):
+            with pytest.raises(WorkerError, match="does not answer") as caught, cluster(address, answer_limit=0.5):
+                pass
+            assert "\n" not in str(caught.value)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(WorkerError, match=r"pip install 'trailmark\[cluster\]'"), cluster("tcp://127.0.0.1:1"):
         pass

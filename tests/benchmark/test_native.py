@@ -11,12 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
-from tests.helpers.oracles import Oracle
-from tests.helpers.trials import few
-
-from trailmark.benchmark import native
-from trailmark.benchmark.native import (
+from benchmarks.native import peer
+from benchmarks.native.peer import (
     NativeError,
     native_planners,
     native_program,
@@ -24,6 +20,10 @@ from trailmark.benchmark.native import (
     problem_text,
     run_native,
 )
+from numpy.typing import NDArray
+from tests.helpers.oracles import Oracle
+from tests.helpers.trials import few
+
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.record import RunRecord, Status
 from trailmark.benchmark.referee import Referee
@@ -180,11 +180,14 @@ def test_paths_and_figures_of_every_planner(name: str) -> None:
 
 
 @built
-@pytest.mark.parametrize(("name", "reverse"), [("RRTConnect", True), ("RRTstar", False)], ids=["reeds-shepp", "dubins"])
+@pytest.mark.parametrize(
+    ("name", "reverse"), [("RRTConnect", True), ("RRTstar", False), ("RRTConnect+certified", True)]
+)
 def test_cars_drive_the_curves_that_were_checked(name: str, reverse: bool) -> None:
-    resolution = 2.0 * RESOLUTION  # the referee takes long over paths of many states
+    # The referee takes long over paths of many states; certified motions know no resolution.
+    resolution = 0.0 if name.endswith("certified") else 2.0 * RESOLUTION
     problem = Problem(ROOM.with_robot(Robot.rectangle(0.6, 0.4).steered(0.5, reverse)))
-    job = JOB | {"planner": f"native:{name}", "time_limit": 0.5, "resolution": resolution}
+    job = JOB | {"planner": f"native:{name}", "time_limit": 0.5, "resolution": resolution or 5.0}
     record = RunRecord.from_json(run_native(problem, job))
     assert record.solved, "an open room takes every planner a few milliseconds"
     small = Robot.rectangle(0.6 - 2.5 * resolution, 0.4 - 2.5 * resolution).steered(0.5, reverse)
@@ -249,31 +252,15 @@ def test_certified_motions_see_what_lies_between_any_two_states(tmp_path: Path) 
 
 
 @built
-def test_a_certified_car_drives_through_nothing(tmp_path: Path) -> None:
-    problem = Problem(ROOM.with_robot(Robot.rectangle(0.6, 0.4).steered(0.5, True)))
-    record = RunRecord.from_json(
-        run_native(problem, JOB | {"planner": "native:RRTConnect+certified", "resolution": 5.0})
-    )
-    referee, (query,) = Referee(problem.world, problem.robot), ROOM.queries
-    assert record.path is not None
-    assert record.simplified_path is not None
-    assert referee.fault(record.path, query.start, query.goal) is None
-    assert referee.fault(record.simplified_path, query.start, query.goal) is None
-
-
-@built
-def test_the_same_seed_gives_the_same_path() -> None:
+def test_the_same_seed_gives_the_same_path_and_an_invalid_start_is_a_result() -> None:
     runs = [run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect", "seed": seed}) for seed in (0, 0, 1)]
     assert runs[0]["path"] == runs[1]["path"] != runs[2]["path"]
-
-
-@built
-def test_an_invalid_start_is_a_result() -> None:
+    assert all(version[0].isdigit() for version in native_versions().values())
+    with pytest.raises(NativeError, match="did you mean 'native:PRMstar'"):
+        run_native(Problem(ROOM), JOB | {"planner": "native:PRMstars"})
     world = replace(ROOM, queries=(Query("inside", (3.0, 2.0, 0.0), (9.0, 1.0, 0.0)),))
     record = RunRecord.from_json(run_native(Problem(world), JOB | {"planner": "native:RRTConnect"}))
-    assert record.status == Status.INVALID_START
-    assert not record.solved
-    assert record.path is None
+    assert (record.status, record.solved, record.path) == (Status.INVALID_START, False, None)
 
 
 @built
@@ -284,14 +271,6 @@ def test_the_memory_limit_ends_a_run_and_is_a_result() -> None:
     answer = run_native(Problem(open_field), job)
     assert answer["status"] == Status.ABORT
     assert "out of memory" in answer["failure"]
-
-
-@built
-def test_planners_and_versions_are_named() -> None:
-    assert {"native:PRM", "native:RRTstar", "native:RRTConnect", "native:BITstar"} <= set(native_planners())
-    assert all(version[0].isdigit() for version in native_versions().values())
-    with pytest.raises(NativeError, match="did you mean 'native:PRMstar'"):
-        run_native(Problem(ROOM), JOB | {"planner": "native:PRMstars"})
 
 
 @built
@@ -328,7 +307,7 @@ def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
         f"#!/bin/sh\nif [ \"$1\" = planners ]; then echo '{names}'; exit 0; fi\ncat > /dev/null\n{body}\n"
     )
     script.chmod(0o755)
-    monkeypatch.setenv(native.VARIABLE, str(script))
+    monkeypatch.setenv(peer.VARIABLE, str(script))
 
 
 @pytest.mark.parametrize(
@@ -342,23 +321,20 @@ def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
 def test_a_program_that_dies_or_hangs_is_a_result(
     body: str, status: Status, failure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(native, "GRACE", (0.2, 0.0))
+    monkeypatch.setattr(peer, "GRACE", (0.2, 0.0))
     stand_in(tmp_path, monkeypatch, body)
     record = RunRecord.from_json(run_native(Problem(ROOM), JOB | {"planner": "native:PRM"}))
     assert record.status == status
     assert record.failure is not None
     assert failure in record.failure
     assert not record.solved
-
-
-def test_a_program_that_says_nothing_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(tmp_path, monkeypatch, "echo what is this >&2; exit 2")
     with pytest.raises(NativeError, match=r"program: what is this"):
         run_native(Problem(ROOM), JOB | {"planner": "native:PRM"})
 
 
 def test_where_it_is_not_built_it_has_no_planners_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(native.VARIABLE, str(tmp_path / "nowhere"))
+    monkeypatch.setenv(peer.VARIABLE, str(tmp_path / "nowhere"))
     assert native_planners() == []
     assert native_versions() == {}
     with pytest.raises(NativeError, match=r"TRAILMARK_NATIVE names .*README.md says how it is built"):
@@ -397,9 +373,6 @@ def test_outside_the_boundary_is_an_obstacle_to_beyond_the_bounds() -> None:
     problem = exported(World("w", (0.0, 0.0, 9.0, 9.0), (), None, boundary), Robot.disc(0.3))
     outside = shapely.box(-1.0, -1.0, 10.0, 10.0).difference(boundary.shapely())
     assert region(problem["triangles"]).symmetric_difference(outside).area < 1e-12
-
-
-def test_an_empty_world_has_no_triangles() -> None:
     problem = exported(World("w", (0.0, 0.0, 9.0, 9.0)), Robot.disc(0.3))
     assert problem["triangles"] == problem["discs"] == []
 

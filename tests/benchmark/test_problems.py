@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from tests.benchmark.conftest import small_world
 
-from trailmark.benchmark.errors import SuiteError
-from trailmark.benchmark.planners import DEFAULT, Resolution
 from trailmark.benchmark.problems import Problem, problems_of, read_problem
 from trailmark.curves import Steering
 from trailmark.errors import FormatError, WorldError
@@ -67,18 +65,6 @@ def test_only_the_same_problem_has_the_same_key(ahead: Problem, around: Problem)
     assert next(problems_of(small_world())).key == ahead.key
     assert around.key != ahead.key
     assert Problem(ahead.world.with_robot(Robot.disc(0.3))).key != ahead.key
-
-
-def test_the_resolution_goes_by_the_robot(ahead: Problem) -> None:
-    assert DEFAULT.metres(ahead.robot) == pytest.approx(0.02, rel=1e-5)
-    assert Resolution.parse("25%").metres(ahead.robot) == pytest.approx(0.05, rel=1e-5)
-    assert Resolution.parse("0.03").metres(ahead.robot) == 0.03
-
-
-@pytest.mark.parametrize("text", ["0", "-1", "x", "nan", "%", "0%", "1e999"])
-def test_other_resolutions_are_refused(text: str) -> None:
-    with pytest.raises(SuiteError, match="expected metres above 0, or a share of the inscribed radius such as 10%"):
-        Resolution.parse(text)
 
 
 def test_a_car_poses_a_problem_of_curves(ahead: Problem) -> None:

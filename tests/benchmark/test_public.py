@@ -12,14 +12,14 @@ from tests.helpers.trials import few
 
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.public import PUBLIC
-from trailmark.benchmark.public.base import evenly, in_order
+from trailmark.benchmark.public.base import evenly
 from trailmark.benchmark.public.graded import CLUTTER, SPARE
-from trailmark.benchmark.public.nav2 import START, Places, is_map
+from trailmark.benchmark.public.nav2 import Places, is_map
 from trailmark.collision import StateChecker
 from trailmark.errors import FormatError
 from trailmark.world import Robot, World
 
-FOLDERS = {"movingai": "movingai", "omplapp": "omplapp", "nav2": "nav2", "barn": "barn", "explore-bench": "explore"}
+FOLDERS = {"movingai": "movingai", "omplapp": "omplapp", "nav2": "nav2", "barn": "barn"}
 """Of the suites whose data is at hand, in the folder of real data."""
 
 
@@ -31,10 +31,6 @@ def test_a_choice_is_spread_evenly(size: int, count: int) -> None:
     gaps = np.diff([-1 - chosen[0], *chosen, 2 * size - 1 - chosen[-1]])[1:-1]
     assert gaps.max(initial=0) - gaps.min(initial=size) <= 1
     assert evenly(range(size), None) == list(range(size))
-
-
-def test_nine_comes_before_ten() -> None:
-    assert sorted(["world_10", "world_9", "a", "world_9b"], key=in_order) == ["a", "world_9", "world_9b", "world_10"]
 
 
 @pytest.mark.parametrize("name", PUBLIC)
@@ -111,17 +107,6 @@ def test_omplapp_leaves_out_what_is_not_planned_for(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.slow
-def test_barn_is_the_challenge(shared_data: Path) -> None:
-    first, *_ = posed("barn", shared_data / "barn")
-    assert first.name == "barn-world_0"
-    (query,) = first.queries
-    assert (query.start, query.goal) == ((-2.0, 3.0, 1.57), (-2.0, 13.0, 1.57))
-    # Each cylinder once, though the file's recorded state names them again.
-    assert len(first.obstacles) == 209
-    assert {obstacle.radius for obstacle in first.obstacles} == {0.075}  # type: ignore[union-attr]  # all are discs
-
-
 def test_pictures_are_read_with_the_lower_left_pixel_first(tmp_path: Path) -> None:
     folder = tmp_path / "forest" / "test"
     folder.mkdir(parents=True)
@@ -148,6 +133,8 @@ def test_clutter_grows_from_grade_to_grade() -> None:
     assert len({world.name for world in made}) == len(made)
     # What is made again is the same.
     assert made[:4] == posed("clutter", count=12)[:4]
+    with pytest.raises(SuiteError, match="expected room for the robot near two corners, got none"):
+        posed("clutter", count=1, robot=Robot.disc(40.0))
 
 
 def test_passages_are_as_much_wider_than_the_robot_as_they_say() -> None:
@@ -157,15 +144,6 @@ def test_passages_are_as_much_wider_than_the_robot_as_they_say() -> None:
         below, above = (shape.polygon().shapely() for shape in world.obstacles[:2])
         # Across the slit, whatever its tilt: the width of the robot and what is spare.
         assert shapely.distance(below, above) == pytest.approx(0.6 + spare)
-
-
-@pytest.mark.slow
-def test_a_robot_without_room_is_told_in_one_line() -> None:
-    with pytest.raises(SuiteError, match="expected room for the robot near two corners, got none"):
-        posed("clutter", count=1, robot=Robot.disc(40.0))
-
-
-RADIUS = 0.22
 
 
 def write_map(folder: Path, blocked: np.ndarray, name: str = "room") -> Path:
@@ -188,14 +166,13 @@ def room() -> np.ndarray:
 def test_pairs_that_nothing_joins_are_drawn_anew(tmp_path: Path) -> None:
     blocked = room()
     blocked[:, 120:124] = True
-    for start, goal in Places(write_map(tmp_path, blocked), Robot.disc(RADIUS)).pairs(10):
-        assert (start[0] < 7.0) == (goal[0] < 7.0)
-
-
-def test_a_map_without_room_is_told_in_one_line(tmp_path: Path) -> None:
+    robot = Robot.rectangle(0.4, 0.2)
+    world = PUBLIC["nav2"].world(tmp_path, write_map(tmp_path, blocked), range(10), robot)
+    assert (world.robot, [query.name for query in world.queries]) == (robot, [f"pair-{i}" for i in range(10)])
+    assert all((query.start[0] < 7.0) == (query.pose()[0] < 7.0) for query in world.queries)
     file = write_map(tmp_path, np.ones((60, 60), dtype=bool))
     with pytest.raises(SuiteError, match="expected room for 2 pairs of ends, got 0"):
-        Places(file, Robot.disc(RADIUS)).pairs(2)
+        Places(file, robot).pairs(2)
 
 
 def test_masks_and_parameters_are_no_maps(tmp_path: Path) -> None:
@@ -205,19 +182,6 @@ def test_masks_and_parameters_are_no_maps(tmp_path: Path) -> None:
     assert not is_map(tmp_path / "params.yaml")
     (tmp_path / "launch.yaml").write_text("a: !tag b\n")
     assert not is_map(tmp_path / "launch.yaml")
-
-
-def test_a_robot_may_be_given_in_place_of_the_sets_own(tmp_path: Path) -> None:
-    robot = Robot.rectangle(1.0, 0.6)
-    world = PUBLIC["nav2"].world(tmp_path, write_map(tmp_path, room()), range(100), robot)
-    assert (world.robot, len(world.queries), world.queries[1].name) == (robot, 100, "pair-1")
-
-
-def test_explore_bench_begins_at_its_own_start(tmp_path: Path) -> None:
-    blocked = np.zeros((300, 300), dtype=bool)
-    world = PUBLIC["explore-bench"].world(tmp_path, write_map(tmp_path, blocked), [0, 3], None)
-    assert [query.start for query in world.queries] == [START, START]
-    assert [query.name for query in world.queries] == ["goal-0", "goal-3"]
 
 
 CAR = "m 0,0 0,94 54,0 0,-94 z"
@@ -256,7 +220,11 @@ def test_published_ends_in_both_versions(unit: float, x: float, y: float, tmp_pa
 
 
 @pytest.mark.slow
-def test_the_robot_is_the_drawn_one_with_its_length_ahead(tmp_path: Path) -> None:
+def test_the_robot_is_the_drawn_one_with_its_length_ahead_or_the_one_that_is_given(tmp_path: Path) -> None:
+    with pytest.raises(SuiteError, match=r"expected car\.svg beside Bench-MR's mazes, got none"):
+        maze(tmp_path, 22.0, 0.0, 0.0)
+    (world,) = posed("bench-mr", tmp_path, 1, Robot.disc(0.5))
+    assert world.robot == Robot.disc(0.5)
     write(tmp_path, "car", CAR)
     world = maze(tmp_path, 22.0, 0.0, 0.0)
     assert world.robot is not None
@@ -264,10 +232,3 @@ def test_the_robot_is_the_drawn_one_with_its_length_ahead(tmp_path: Path) -> Non
     assert high - low == pytest.approx((94 / 22, 54 / 22))
     assert low == pytest.approx(-high)
     assert world.robot.turning_radius == 4.0
-
-
-def test_without_a_robot(tmp_path: Path) -> None:
-    with pytest.raises(SuiteError, match=r"expected car\.svg beside Bench-MR's mazes, got none"):
-        maze(tmp_path, 22.0, 0.0, 0.0)
-    (world,) = posed("bench-mr", tmp_path, 1, Robot.disc(0.5))
-    assert world.robot == Robot.disc(0.5)

@@ -10,12 +10,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from tests.helpers.chromium import browser, program
 from tests.helpers.made_results import random_results, run, write_results
 
-from trailmark.benchmark.report import html_report, paired_ratio, ranked, shifted_geometric_mean, step_values, wilson
+from trailmark.benchmark.report import failures, html_report, paired_ratio, ranked, step_values, summary, wilson
 from trailmark.benchmark.results import load_results
 
 
@@ -49,23 +47,25 @@ class Cells(HTMLParser):
 def small(tmp_path: Path) -> Path:
     fast = [run(seed, 0.1, 10.0) for seed in range(4)]
     slow = [run(seed, 0.4, 20.0) for seed in range(3)] + [run(3, None)]
-    wrong = [run(seed, 0.2, 5.0, correct_solution=False) for seed in range(4)]
+    wrong = [run(seed, 0.2, 5.0, correct_solution=False, failure="far\noff") for seed in range(4)]
     return write_results(tmp_path / "r.db", {"<yard>": {"slow": slow, "fast": fast, "wrong": wrong}})
 
 
-def test_the_ranking_is_of_the_runs(small: Path) -> None:
+def test_the_figures_are_those_of_the_runs(small: Path) -> None:
     results = load_results(small)
     assert ranked(results) == ["fast", "slow", "wrong"]
+    assert summary(results, ["wrong", "slow"])[1:] == [
+        ["wrong", "0/4", "4", "–", "–"],
+        ["slow", "3/4", "0", "0.4", "2"],
+    ]
+    assert failures(results, ["fast", "wrong"]) == [["wrong", "4 refused by the referee", "far off (4)"]]
     page = Cells(html_report(results))
     ranking = {row[0]: row for row in page.rows[1:4]}
-    assert ranking["fast"][1:6] == ["4 of 4", "51 to 100 %", "0", "0.1", "0.1"]
-    assert ranking["slow"][1:4] == ["3 of 4", "30 to 95 %", "0"]
-    assert ranking["slow"][7:] == ["2", "2 (2 to 2)"]
-    assert ranking["wrong"][1:5] == ["0 of 4", "0 to 49 %", "4", "–"]
+    assert ranking["fast"] == ["fast", "4/4", "0", "0.1", "1", "51 to 100 %", "0.1", "1", "1"]
     # Seconds to the first path, failures at the limit of 1 s: (4 · 4 · 4 · 10)^(1/4).
-    assert float(ranking["slow"][6].split()[0]) == pytest.approx(640 ** (1 / 4), rel=1e-2)
-    failures = next(row for row in page.rows if row[0] == "wrong" and "refused" in row[1])
-    assert failures[1] == "4 refused by the referee"
+    assert float(ranking["slow"][7].split()[0]) == pytest.approx(640 ** (1 / 4), rel=1e-2)
+    assert ranking["slow"][8] == "2 (2 to 2)"
+    assert ["wrong", "4 refused by the referee", "far off (4)"] in page.rows
 
 
 def test_the_page_is_whole_and_asks_for_nothing(small: Path, tmp_path: Path) -> None:
@@ -93,9 +93,6 @@ def test_it_fits_the_window(tmp_path: Path, width: int) -> None:
         assert tab.run("document.documentElement.scrollWidth") <= width
 
 
-INF = math.inf
-
-
 @pytest.mark.parametrize(
     ("successes", "n", "expected"),
     # By hand, with z = 1.959964: (p + z²/2n ± z √(p(1 - p)/n + z²/4n²)) / (1 + z²/n).
@@ -105,24 +102,12 @@ def test_wilson_by_hand(successes: int, n: int, expected: tuple[float, float]) -
     assert wilson(successes, n) == pytest.approx(expected, abs=1e-5)
 
 
-def test_shifted_geometric_mean_by_hand() -> None:
-    # sqrt((1 + 8) * (8 + 8)) - 8 = 12 - 8
-    assert shifted_geometric_mean([1.0, 8.0], 8.0) == pytest.approx(4.0)
-    assert math.isnan(shifted_geometric_mean([], 0.01))
-
-
-@given(st.lists(st.floats(1e-4, 1e4), min_size=1, max_size=20), st.floats(0.001, 10.0))
-def test_a_shifted_mean_lies_among_the_values(array: list[float], shift: float) -> None:
-    mean = shifted_geometric_mean(array, shift)
-    assert min(array) * (1 - 1e-9) <= mean <= max(array) * (1 + 1e-9)
-
-
 def test_step_values_hold_between_steps() -> None:
     found = step_values([0.1, 0.5], [9.0, 7.0], [0.05, 0.1, 0.3, 0.5, 2.0])
-    assert found.tolist() == [INF, 9.0, 9.0, 7.0, 7.0]
+    assert found.tolist() == [math.inf, 9.0, 9.0, 7.0, 7.0]
     # A worse path later is no step back; no path at all is none at any time.
     assert step_values([0.1, 0.5], [7.0, 9.0], [1.0]).tolist() == [7.0]
-    assert step_values([], [], [1.0]).tolist() == [INF]
+    assert step_values([], [], [1.0]).tolist() == [math.inf]
 
 
 def test_ratios_of_pairs_by_hand() -> None:

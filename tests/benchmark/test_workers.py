@@ -7,6 +7,8 @@ import os
 import signal
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -18,7 +20,6 @@ from tests.benchmark.rogues import PREPARING
 from trailmark.benchmark.errors import WorkerError
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.record import Status
-from trailmark.benchmark.run import MemoryPeak
 from trailmark.benchmark.workers import Worker
 from trailmark.shapes import Polygon
 from trailmark.trajectories.path import Path
@@ -50,60 +51,50 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
         assert cost <= answer["solution_length"] * (1.0 + 1e-5)
     assert Path(answer["simplified_path"]).cost == pytest.approx(answer["simplified_solution_length"])
     assert answer["simplified_solution_length"] < 1.05 * answer["solution_length"]
-    for name in ("states_checked", "motions_checked", "graph_states", "graph_motions", "memory", "setup_time"):
+    for name in ("graph_states", "graph_motions", "setup_time"):
         assert answer[name] > 0, name
-    for name in ("smoothness", "max_curvature", "min_clearance"):  # the way goes around a disc
-        assert answer[name] > 0.0, name
+    assert answer["memory"] >= 0.0
+    assert (answer["states_checked"] is None) == (planner in ("landmark", "lattice"))
     if planner != "RRTConnect+certified":
         assert answer["time"] > 0.05
     assert 0.0 < answer["overhead"] < 5.0
 
 
 @pytest.mark.slow
-def test_planners_of_the_users_own_report_what_they_come_by(worker: Worker, ahead: Problem) -> None:
-    answer = worker.run(job(ahead, "tests.benchmark.rogues:better"))
+def test_planners_of_the_users_own_report_what_they_come_by_and_prepare_before_the_clock(
+    worker: Worker, ahead: Problem
+) -> None:
+    answer = worker.run(job(ahead, ROGUES + "better"))
     detours = [2.0 * math.hypot(4.0, height - 1.0) for height in (4.0, 2.0)]
     assert [cost for _, cost in answer["curve"]] == pytest.approx([*detours, 8.0])
     check_curve(answer)
-    late = worker.run(job(ahead, "tests.benchmark.rogues:dawdle"))
+    late = worker.run(job(ahead, ROGUES + "dawdle"))
     assert late["correct_solution"], late
     assert late["solution_length"] == pytest.approx(detours[1])
     assert late["path"][1] == [5.0, 2.0, 0.0]
-
-
-@pytest.mark.slow
-def test_what_a_planner_of_the_users_own_prepares_is_set_up_and_no_planning(worker: Worker, ahead: Problem) -> None:
-    answer = worker.run(job(ahead, "tests.benchmark.rogues:prepared_plan", limit=0.1))
-    assert answer["correct_solution"], answer
-    assert answer["setup_time"] >= PREPARING
-    assert answer["time"] < 0.3
+    prepared = worker.run(job(ahead, ROGUES + "prepared_plan", limit=0.1))
+    assert prepared["correct_solution"], prepared
+    assert prepared["setup_time"] >= PREPARING > prepared["time"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("planner", "reverse"),
-    [
-        *(("landmark", True), ("landmark", False), ("roadmap", True), ("RRTConnect", True), ("RRTConnect", False)),
-        *(("RRTConnect+certified", True), ("BITstar+certified", False)),
-    ],
-    ids=lambda value: {True: "reeds-shepp", False: "dubins"}.get(value, value),
+    [("landmark", True), ("landmark", False), ("RRTConnect", False), ("RRTConnect+certified", True)],
 )
 def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, around: Problem) -> None:
     car = Problem(around.world.with_robot(Robot.rectangle(0.8, 0.4).steered(0.6, reverse)))
     # The first job of a worker compiles what cars need, if no cache holds it.
-    answer = worker.run(job(car, planner, seed=2, limit=2.0 if planner.startswith("BITstar") else 0.3))
+    answer = worker.run(job(car, planner, seed=2, limit=0.3))
     assert answer["solved"], answer
     assert answer["correct_solution"], answer["failure"]
     check_curve(answer)
     found = car.path(answer["path"])
-    # The length that OMPL's BITstar reports is at times up to 1 % more than its path has; why is not known.
-    assert found.cost == pytest.approx(answer["solution_length"], rel=0.02 if planner.startswith("BITstar") else 1e-5)
+    assert found.cost == pytest.approx(answer["solution_length"], rel=1e-5)
     shorter = car.path(answer["simplified_path"])
     assert shorter.cost == pytest.approx(answer["simplified_solution_length"])
     # OMPL's splines lengthen paths of curves, by a sixth at times.
     assert shorter.cost < 2.0 * found.cost
-    for name in ("states_checked", "graph_states", "memory", "setup_time"):
-        assert answer[name] > 0, name
 
 
 @pytest.mark.slow
@@ -134,6 +125,7 @@ def test_no_run_knows_of_those_before_it(worker: Worker, around: Problem) -> Non
         ("leave", Status.CRASH, "ended with status 7 and no answer"),
         ("fail", Status.ABORT, "ValueError: no idea at all"),
         ("nothing", Status.ABORT, "AttributeError"),
+        ("shout", Status.TIMEOUT, ""),
         ("hang", Status.TIMEOUT, "did not end by itself"),
     ],
 )
@@ -143,8 +135,8 @@ def test_whatever_becomes_of_a_run_is_its_result(
     answer = worker.run(job(ahead, ROGUES + rogue, seed=3))
     assert (answer["status"], answer["solved"], answer["correct_solution"]) == (status, False, False)
     assert (answer["seed"], answer["path"]) == (3, None)
-    assert why in answer["failure"]
-    assert "\n" not in answer["failure"]
+    assert why in (answer["failure"] or "")
+    assert "\n" not in (answer["failure"] or "")
     # The worker is none the worse for it.
     assert worker.run(job(ahead, ROGUES + "honest"))["correct_solution"]
 
@@ -177,23 +169,12 @@ def test_times_are_held_against_the_clock_outside(rogue: str, worker: Worker, ah
     assert worker.run(job(ahead, ROGUES + "honest"))["correct_solution"]
 
 
-def test_what_a_planner_prints_is_no_answer(worker: Worker, ahead: Problem) -> None:
-    assert worker.run(job(ahead, ROGUES + "shout"))["status"] == Status.TIMEOUT
-
-
 @pytest.mark.slow
 def test_ends_that_are_not_valid(worker: Worker, around: Problem) -> None:
-    from dataclasses import replace
-
-    from trailmark.world import Query
-
-    for start, goal, status in (
-        ((5.0, 4.0, 0.0), (9.0, 1.0, 0.0), Status.INVALID_START),
-        ((9.0, 1.0, 0.0), (5.0, 4.0, 0.0), Status.INVALID_GOAL),
-    ):
+    inside, free = (5.0, 4.0, 0.0), (9.0, 1.0, 0.0)
+    for start, goal, status in ((inside, free, Status.INVALID_START), (free, inside, Status.INVALID_GOAL)):
         problem = Problem(replace(around.world, queries=(Query("bad", start, goal),)))
-        for planner in ("landmark", "PRM"):
-            assert worker.run(job(problem, planner))["status"] == status
+        assert worker.run(job(problem, "PRM"))["status"] == status
 
 
 @pytest.mark.slow
@@ -209,9 +190,10 @@ def test_a_host_that_dies_takes_its_run_with_it_and_is_replaced(worker: Worker, 
 
     killer = threading.Timer(0.3, kill)
     killer.start()
-    answer = worker.run(job(ahead, ROGUES + "hang", limit=0.6))
+    with pytest.raises(ConnectionResetError):
+        worker.run(job(ahead, ROGUES + "hang", limit=60.0))
     killer.join()
-    assert (answer["status"], answer["solved"]) == (Status.TIMEOUT, False)
+    assert worker.run(job(ahead, ROGUES + "honest"))["correct_solution"]
     assert worker.pid not in (None, before)
     assert len(runs) == 1
     stat = FilePath(f"/proc/{runs[0]}/stat")
@@ -225,36 +207,21 @@ def test_a_users_file_takes_no_librarys_place_and_a_stopped_worker_ends_its_proc
     (tmp_path / "random.py").write_text("raise SystemExit('mine')\n")
     (tmp_path / "my_planner.py").write_text("def plan(checker, start, goal, limit, seed): return [start, goal]\n")
     monkeypatch.chdir(tmp_path)
-    made = Worker()  # one for both: it takes seconds to start
+    made = Worker()
     try:
         assert made.run(job(ahead, "my_planner:plan"))["correct_solution"]
-        check_that_it_ends(made, ahead)
+        pid = made.pid
+        with ThreadPoolExecutor() as threads:
+            under_way = threads.submit(made.run, job(ahead, "RRTstar", limit=30.0))
+            deadline = time.perf_counter() + 20.0
+            while not children(made) and time.perf_counter() < deadline:
+                time.sleep(0.05)
+            made.stop()
+            with pytest.raises(WorkerError):
+                under_way.result(10.0)
+        assert not FilePath(f"/proc/{pid}").exists()
     finally:
         made.stop()
-
-
-def check_that_it_ends(made: Worker, ahead: Problem) -> None:
-    """Stop a worker during a run."""
-    caught: list[Exception] = []
-
-    def run() -> None:
-        try:
-            made.run(job(ahead, "RRTstar", limit=30.0))
-        except WorkerError as error:
-            caught.append(error)
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    deadline = time.perf_counter() + 20.0
-    while not children(made) and time.perf_counter() < deadline:
-        time.sleep(0.05)
-    pid = made.pid
-    assert pid is not None
-    made.stop()
-    thread.join(10.0)
-    assert not thread.is_alive()
-    assert not FilePath(f"/proc/{pid}").exists()
-    assert len(caught) == 1
 
 
 def test_a_worker_that_does_not_start_says_why(ahead: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -262,15 +229,6 @@ def test_a_worker_that_does_not_start_says_why(ahead: Problem, monkeypatch: pyte
     with pytest.raises(WorkerError, match=r"a worker process does not start: .+; expected an environment") as caught:
         Worker().run(job(ahead, "landmark"))
     assert "\n" not in str(caught.value)
-
-
-def test_the_heap_in_use_is_counted_at_its_largest() -> None:
-    peak = MemoryPeak()
-    array = np.ones(2**21)  # 16 MB
-    peak.measure()
-    del array
-    peak.measure()
-    assert 15.0 < peak.highest < 40.0
 
 
 def children(worker: Worker) -> list[str]:

@@ -169,14 +169,10 @@ class Browser:
     def _mouse(self, kind: str, place: tuple[float, float], **options: Any) -> None:
         self._ask("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], **options)
 
-    def picture(self, file: Path, *, whole: bool = False) -> None:
-        """Write what the window shows, or the whole page, as PNG."""
-        shot = self._ask("Page.captureScreenshot", captureBeyondViewport=whole)
+    def picture(self, file: Path) -> None:
+        """Write what the window shows as PNG."""
+        shot = self._ask("Page.captureScreenshot")
         file.write_bytes(base64.b64decode(shot["data"]))
-
-    def print(self, file: Path) -> None:
-        """Write the page on paper, as PDF."""
-        file.write_bytes(base64.b64decode(self._ask("Page.printToPDF")["data"]))
 
     def _ask(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1

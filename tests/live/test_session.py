@@ -73,14 +73,6 @@ def swept(states: np.ndarray[Any, Any]) -> Any:
     return shapely.LineString(states[:, :2]).buffer(0.19)
 
 
-def test_the_world_is_told_with_an_id_for_each_obstacle() -> None:
-    (answer,) = Client().ask("hello")
-    assert answer["type"] == "world"
-    assert [shape["id"] for shape in answer["world"]["obstacles"]] == ["wall", "o1"]
-    assert answer["world"]["robot"] == {"shape": "rectangle", "length": 0.6, "width": 0.4}
-    assert "office" in answer["worlds"]
-
-
 @pytest.mark.slow
 def test_a_plan_answers_at_once_and_ends_with_the_record_of_the_shell() -> None:
     client = Client()
@@ -94,6 +86,7 @@ def test_a_plan_answers_at_once_and_ends_with_the_record_of_the_shell() -> None:
         assert answer["states"][-1] == GOAL
     costs = [answer["cost"] for answer in answers]
     assert costs == sorted(costs, reverse=True)
+    assert len({answer["time"]["first_solution"] for answer in answers[:-1]}) <= 1
     assert answers[-1]["final"]
     assert answers[-1]["lower_bound"] <= answers[-1]["cost"]
     assert not swept(np.array(answers[-1]["states"])).intersects(shapely.box(4.8, 0.0, 5.2, 6.0))
@@ -106,6 +99,8 @@ def test_edits_change_what_is_planned_in() -> None:
     assert above[:, 1].max() > 6.0
     (moved,) = client.ask("edit", move={"wall": [0.0, 2.0]})
     assert moved["type"] == "world"
+    assert [shape["id"] for shape in moved["world"]["obstacles"]] == ["wall", "o1"]
+    assert moved["world"]["robot"] == {"shape": "rectangle", "length": 0.6, "width": 0.4}
     assert moved["world"]["obstacles"][0]["center"] == [5.0, 5.0]
     assert "world" not in client.ask("edit", brief=True)[0]
     assert client.states()[:, 1].max() < 2.0
@@ -123,21 +118,13 @@ def test_edits_change_what_is_planned_in() -> None:
     assert added["obstacles"] == 2
     assert [type(shape) for shape in client.session.world.obstacles] == [Polygon, Disc]
     assert client.states()[:, 1].max() > 5.0
-
-
-def test_an_index_may_come_as_a_key() -> None:
-    client = Client()
-    client.ask("edit", move={"1": [0.5, 0.0]})
-    moved = client.session.world.obstacles[1]
-    assert isinstance(moved, Disc)
-    assert moved.center == (8.5, 2.0)
-    client.ask("edit", remove=[0])
-    assert client.session.world.ids == ("o1",)
+    # An index may come as a key.
+    (moved,) = client.ask("edit", move={"1": [0.5, 0.0]})
+    assert moved["world"]["obstacles"][1]["center"] == [1.5, 6.0]
 
 
 BAD_EDITS: dict[str, dict[str, Any]] = {
     "unknown id": {"remove": ["nobody"]},
-    "index too large": {"remove": [2]},
     "negative index key": {"move": {"-1": [0.0, 0.0]}},
     "no number": {"move": {"wall": ["a", 0.0]}},
     "twice": {"remove": ["wall"], "move": {"wall": [1.0, 0.0]}},
@@ -147,19 +134,6 @@ BAD_EDITS: dict[str, dict[str, Any]] = {
     "no mapping": {"add": [3]},
     "crossing itself": {"add": [{"shape": "polygon", "vertices": [[0, 0], [1, 1], [1, 0], [0, 1]]}]},
     "half right": {"move": {"wall": [0.0, 1.0]}, "add": [{"shape": "disc", "center": [1.0, 1.0], "radius": -1.0}]},
-    "an estimate": {
-        "add": [
-            {
-                "shape": "disc",
-                "center": [1.0, 1.0],
-                "radius": 0.1,
-                "estimate": {
-                    "mean": {"shape": "disc", "center": [1.0, 1.0], "radius": 0.1},
-                    "covariance": [[1e-4, 0.0], [0.0, 1e-4]],
-                },
-            }
-        ]
-    },
     "a list for an id": {"remove": [["wall"]]},
 }
 
@@ -175,17 +149,11 @@ def test_a_bad_edit_changes_nothing(name: str, unchanged: Client) -> None:
 
 
 @pytest.mark.slow
-def test_a_world_has_a_most() -> None:
-    client = Client()
-    disc = {"shape": "disc", "center": [1.0, 6.0], "radius": 0.01}
-    with pytest.raises(TrailmarkError, match="at most 20,000 obstacles"):
-        client.ask("edit", add=[disc] * (MAX_OBSTACLES - 1))
-
-
-@pytest.mark.slow
 def test_a_world_that_cannot_be_planned_in_leaves_the_old_one() -> None:
     client = Client()
     client.states()
+    with pytest.raises(TrailmarkError, match="at most 20,000 obstacles"):
+        client.ask("edit", add=[{"shape": "disc", "center": [1.0, 6.0], "radius": 0.01}] * (MAX_OBSTACLES - 1))
     content = client.ask("hello")[0]["world"]
     bad: list[dict[str, Any]] = [
         {**content, "bounds": [0, 0, 0, 0]},
@@ -213,18 +181,12 @@ def test_goals_as_a_world_file_has_them() -> None:
     assert final["states"][-1][1] >= 6.0
 
 
-def test_a_stopped_plan_ends_with_what_it_has() -> None:
+def test_a_plan_that_is_stopped_or_was_never_begun_has_an_end() -> None:
     client, stop = Client(), Event()
     stop.set()
-    answers = client.ask("plan", stop, start=START, goal=GOAL, time_limit=30.0)
-    assert answers[-1]["final"]
-
-
-def test_what_was_never_begun_is_told_as_a_record() -> None:
-    client = Client()
+    assert client.ask("plan", stop, start=START, goal=GOAL, time_limit=30.0)[-1]["final"]
     answer = client.session.not_planned(Message("plan", 9, {}))
-    assert answer["final"]
-    assert (answer["id"], answer["status"], answer["states"]) == (9, "timeout", [])
+    assert (answer["id"], answer["final"], answer["status"], answer["states"]) == (9, True, "timeout", [])
 
 
 @pytest.mark.slow
@@ -264,21 +226,12 @@ def test_what_is_opened_is_a_world_file_or_a_shipped_name(fields: dict[str, Any]
         client.ask("open", **fields)
 
 
-def test_a_message_keeps_its_id_and_fields() -> None:
-    text = json.dumps({"type": "plan", "id": "seven", "start": [1, 2, 0], "goal": [3, 4], "time_limit": 0.5})
-    message = read_message(text)
-    assert (message.type, message.id) == ("plan", "seven")
-    assert message.fields == {"start": [1, 2, 0], "goal": [3, 4], "time_limit": 0.5}
-
-
 BAD = {
     "no JSON": ("{", None, "expected a JSON object"),
     "a list": ("[1]", None, "expected a JSON object, got [1]"),
-    "a number that is none": ('{"type": "stop", "id": NaN}', None, "expected a JSON object"),
     "deep nesting": ("[" * 100_000, None, "expected a JSON object"),
     "no type": ('{"id": 3}', 3, "type: expected"),
     "another type": ('{"id": 3, "type": "plann"}', 3, "did you mean 'plan'?"),
-    "a type that is no text": ('{"id": 3, "type": ["plan"]}', 3, "type: expected"),
     "a mapping for an id": ('{"id": {}, "type": "stop"}', None, "id: expected"),
     "an unknown field": ('{"id": 3, "type": "stop", "now": 1}', 3, "stop: unknown field"),
     "a field left out": ('{"id": 3, "type": "plan", "start": [0, 0, 0]}', 3, "plan.goal: expected"),
@@ -302,13 +255,10 @@ def test_a_message_has_a_longest() -> None:
     world = {"type": "world", "id": 1, "world": {"name": ""}}
     short = len(json.dumps(world))
     world["world"] = {"name": "a" * (MAX_BYTES - short)}
-    assert read_message(json.dumps(world)).type == "world"
+    message = read_message(json.dumps(world))
+    assert (message.type, message.id, message.fields["world"]) == ("world", 1, world["world"])
     world["world"] = {"name": "a" * (MAX_BYTES - short + 1)}
     with pytest.raises(MessageError, match="at most 1,000,000 bytes"):
         read_message(json.dumps(world))
     with pytest.raises(MessageError, match="at most 1,000,000 bytes"):
         read_message(json.dumps({"type": "é" * 600_000}, ensure_ascii=False))
-
-
-def test_each_type_is_known_to_somebody() -> None:
-    assert {"world", "edit", "plan"} <= set(FIELDS)

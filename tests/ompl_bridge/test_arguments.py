@@ -5,6 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ompl import base as ob
+from ompl import geometric as og
+
+from trailmark.ompl_bridge.errors import PlannerNameError
+from trailmark.ompl_bridge.planners import parameters_of, planner_names, set_parameters
 
 WRONG = """
 import numpy as np
@@ -30,38 +35,28 @@ calls = {
     "world": lambda: SE2Problem("office"),
     "robot": lambda: SE2Problem(world, "disc:1"),
     "query": lambda: SE2Problem(world, None, 3),
-    "three ends": lambda: SE2Problem(world, None, (*ends, ends[0])),
     "text ends": lambda: SE2Problem(world, None, (("1", "1", "0"), ends[1])),
     "checker": lambda: SE2Problem(world, checker=world),
     "other checker": lambda: SE2Problem(world, world.robot, checker=other),
     "certified": lambda: SE2Problem(world, certified="yes"),
     "resolution": lambda: SE2Problem(world, resolution="1"),
-    "setup": lambda: simple_setup("office"),
     "limit": lambda: problem.solve("1"),
-    "nan limit": lambda: problem.solve(float("nan")),
     "no limit": lambda: solve(problem.setup, None),
     "validity": lambda: StateValidityChecker(information, world),
-    "validity's information": lambda: StateValidityChecker(world, checker),
     "motions": lambda: MotionValidator(information, "checker"),
     "planner's seed": lambda: OmplLandmarkPlanner(information, seed=1.5),
     "planner's checker": lambda: OmplLandmarkPlanner(information, world),
-    "planner's information": lambda: OmplLandmarkPlanner(problem),
-    "planner's keep_roadmap": lambda: OmplLandmarkPlanner(information, keep_roadmap="no"),
     "source's seed": lambda: LandmarkSource(checker, seed="1"),
     "source's checker": lambda: LandmarkSource(world),
-    "plug's seed": lambda: plug_landmark_sampler(problem.setup, seed=float("nan")),
     "plug's checker": lambda: plug_landmark_sampler(problem.setup, checker=3),
     "no checker": lambda: plug_landmark_sampler(og.SimpleSetup(problem.space)),
     "planner without checker": lambda: OmplLandmarkPlanner(ob.SpaceInformation(problem.space)),
     "line": lambda: MotionValidator(ob.SpaceInformation(line), checker),
-    "SE3": lambda: StateValidityChecker(ob.SpaceInformation(ob.SE3StateSpace()), checker),
     "no bounds": lambda: MotionValidator(ob.SpaceInformation(unbound), checker),
     "wide": lambda: StateValidityChecker(ob.SpaceInformation(wide), checker),
     "wide plug": lambda: plug_landmark_sampler(og.SimpleSetup(wide), checker=checker),
-    "shares": lambda: plug_landmark_sampler(problem.setup, mixture=Mixture(1.0, 1.0, 0.0)),
     "one landmark": lambda: LandmarkSource(checker, [1.0, 2.0, 0.0]),
     "columns": lambda: plug_landmark_sampler(problem.setup, [[1.0, 2.0]]),
-    "nan landmark": lambda: LandmarkSource(checker, [[1.0, 2.0, float("nan")]]),
     "text landmark": lambda: LandmarkSource(checker, "here"),
     "invalid landmark": lambda: plug_landmark_sampler(problem.setup, [[1.0, 1.0, 0.0], [3.0, 2.0, 0.0]]),
     "outside": lambda: LandmarkSource(checker, [[1.0, 1.0, 0.0]], bounds=(2.0, 0.0, 6.0, 4.0)),
@@ -86,7 +81,7 @@ tell(said=said, solved=problem.solve(np.float64(0.2)).asString())
 
 @pytest.mark.slow
 def test_wrong_arguments_are_errors_of_our_own(run_ompl: Any) -> None:
-    found = run_ompl(WRONG, whole=True)
+    found = run_ompl(WRONG)
     raw = {name: text for name, text in found["said"].items() if text == "nothing" or text.startswith("RAW")}
     assert raw == {}
     assert [text for text in found["said"].values() if "\n" in text] == []
@@ -103,3 +98,19 @@ def test_the_planners_old_name_is_told_of() -> None:
 
     with pytest.warns(DeprecationWarning, match="expected OmplLandmarkPlanner"):
         assert ompl_bridge.LandmarkPlanner is ompl_bridge.OmplLandmarkPlanner
+
+
+def test_parameters_are_those_that_the_planners_own_getters_tell() -> None:
+    information = ob.SpaceInformation(ob.SE2StateSpace())
+    star, batches = og.RRTstar(information), og.BITstar(information)
+    set_parameters("RRTstar", {"range": "2.5", "goal_bias": "0.25", "use_k_nearest": "false"})(star)
+    assert (star.getRange(), star.getGoalBias(), star.getKNearest()) == (2.5, 0.25, False)
+    set_parameters("BITstar", {"samples_per_batch": "7", "use_graph_pruning": "0"})(batches)
+    assert (batches.getSamplesPerBatch(), batches.getPruning()) == (7, False)
+    for name in planner_names():
+        known = parameters_of(name)
+        assert known
+        assert all(parameter.replace("_", "").islower() for parameter in known)
+        assert len({setter for setter, _ in known.values()}) == len(known)
+    with pytest.raises(PlannerNameError, match="parameter: expected max_nearest_neighbors, got 'range'"):
+        set_parameters("PRM", {"range": "1"})

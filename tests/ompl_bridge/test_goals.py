@@ -1,17 +1,12 @@
-"""OMPL's goals of more than one state, in a process of its own, which OMPL may abort or hang."""
+"""OMPL's goals of more than one state, and several starts."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
-from tests.support.forks import Forks
 
-SCRIPT = """
-import numpy as np
-from ompl import base as ob
-from trailmark import Robot, World
-from trailmark.ompl_bridge import OmplLandmarkPlanner, SE2Problem
-from trailmark.ompl_bridge.states import state
-
+STATES = """
 world = World("room", (0, 0, 10, 10), (), Robot.rectangle(0.6, 0.4))
 
 def solved(goal, *threshold):
@@ -49,16 +44,12 @@ class Strip(ob.GoalRegion):
 assert solved(Strip)[0] >= 7.0
 assert np.allclose(solved(states), (4, 2, 0.5))
 assert np.hypot(*(solved(near)[:2] - 9)) > 0.4
-print("passed")
+tell(passed=True)
 """
 
 
 STARTS = """
-import numpy as np
-from ompl import base as ob
-from trailmark import Rectangle, Robot, World
-from trailmark.ompl_bridge import OmplLandmarkPlanner, SE2Problem, plug_landmark_sampler
-from trailmark.ompl_bridge.states import state
+from trailmark import Rectangle
 
 boxes = [Rectangle((2.0, y), 4.0, 0.2) for y in (3.0, 7.0)] + [Rectangle((4.0, 5.0), 0.2, 4.2)]
 boxed, far, near, wall = (1.5, 5, 0), (1, 9, 0), (8, 5, 0), (4, 5, 0)
@@ -88,17 +79,11 @@ for robot in (box, Robot.disc(0.3), box.steered(0.5)):
     assert solved((wall, near), robot)[0] == "solved"
     assert solved((near,), robot, (boxed, goal))[0] == "solved"
     assert solved((boxed, (1, 4, 0)), robot)[0] == "infeasible"
-print("passed")
+tell(passed=True)
 """
 
 
 @pytest.mark.slow
-def test_the_best_of_several_starts_of_which_some_are_shut_in(forks: Forks) -> None:
-    done = forks.run(["-c", STARTS], timeout=240.0, whole=True)
-    assert done.stdout.endswith("passed\n"), done.stderr[-2000:]
-
-
-@pytest.mark.slow
-def test_the_cheapest_of_several_states_and_a_threshold(forks: Forks) -> None:
-    done = forks.run(["-c", SCRIPT], timeout=240.0, whole=True)
-    assert done.stdout.endswith("passed\n"), done.stderr[-2000:]
+@pytest.mark.parametrize("program", [STATES, STARTS], ids=["goals", "starts"])
+def test_the_cheapest_of_several_goals_or_starts_of_which_some_are_shut_in(run_ompl: Any, program: str) -> None:
+    assert run_ompl(program) == {"passed": True}

@@ -23,7 +23,7 @@ def problem(certified: bool) -> SE2Problem:
 @pytest.mark.parametrize(
     ("name", "certified"),
     [
-        *((name, True) for name in ("RRTstar", "PRM", "PRMstar", "BITstar", "RRTConnect")),
+        *((name, True) for name in ("RRTstar", "PRMstar", "BITstar", "RRTConnect")),
         ("RRTstar", False),
         ("PRM", False),
     ],
@@ -50,23 +50,6 @@ def test_a_run_is_measured(name: str, certified: bool) -> None:
         assert run.time == pytest.approx(0.2, abs=0.2)
 
 
-@pytest.mark.parametrize("name", ["RRTstar", "PRM", "PRMstar", "BITstar", "RRTConnect"])
-def test_the_first_path_may_end_a_run(name: str) -> None:
-    run = measure(problem(True), name, 5.0, first=True)
-    assert run.exact
-    assert len(run.curve) == 1
-    assert run.time < 5.0  # the limit
-
-
-@pytest.mark.slow
-def test_the_curve_is_read_while_it_plans() -> None:
-    steps: list[None] = []
-    run = measure(problem(True), "RRTstar", 0.6, on_step=lambda: steps.append(None))
-    assert len(steps) > 20
-    # The first solution of so simple a problem comes long before the limit.
-    assert run.curve[0][0] < 0.5
-
-
 def test_without_a_way_there_is_no_curve() -> None:
     wall = World(
         "wall", (0.0, 0.0, 10.0, 6.0), (Rectangle((5.0, 3.0), 0.2, 7.0),), Robot.disc(0.3),
@@ -75,7 +58,6 @@ def test_without_a_way_there_is_no_curve() -> None:
     run = measure(SE2Problem(wall), "RRTstar", 0.05)
     assert not run.exact
     assert run.curve == []
-    assert run.difference is None or run.difference > 1.0
 
 
 def test_the_simplifier_shortens_and_stays_right() -> None:

@@ -32,8 +32,6 @@ for name in ("landmark", "RRTstar"):
     tell(**{name: sum(objective.motionCost(*pair).value() for pair in ends)})
     problem.setup.clear()
 """,
-        seconds=240.0,
-        whole=True,
     )
     assert found["direct"] == pytest.approx(4.0 + 4.0 * 4.0)
     assert 0.0 < found["bound"] <= 8.0 + 1e-9

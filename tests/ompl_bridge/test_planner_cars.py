@@ -42,8 +42,7 @@ for seed in range({few(2)}):
         wanted=[problem.start.tolist(), problem.goal.tolist()], name=problem.setup.getSolutionPlannerName(),
         states=solution.getStateCount()))
 tell(answers=answers)
-""",
-        whole=True,
+"""
     )
     for answer in found["answers"]:
         assert answer["word"] == "Exact solution"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -15,6 +16,8 @@ rng = np.random.default_rng(0)
 q = rng.uniform((0, 0, -3.14), (20, 12, 3.14), (100, 3))
 back = np.array([configuration(state(si, row)) for row in q])
 path = states_of(path_to_ompl(si, q))
+half = states_of(path_to_ompl(si, [[1.0, 1.0, np.pi / 2], [1.0, 1.0, -np.pi / 2], [2.0, 1.0, -np.pi / 2]]))
+tell(half=half[:, 2].tolist())
 one = state(si, q[0])
 write_state(one, (1.0, 2.0, 3.0 * np.pi))
 tell(states=bool((back == q).all()), path=bool((path == q).all()), wrapped=configuration(one).tolist(),
@@ -31,6 +34,9 @@ except Exception as error:
     assert abs(abs(found["wrapped"][2]) - 3.141592653589793) < 1e-12
     assert abs(found["length"] - found["ours"]) < 1e-9
     assert found["error"] == "ConfigurationError"
+    # Half a turn back is turned as it was certified: counter-clockwise, by way of pi.
+    assert len(found["half"]) == 4
+    assert abs(found["half"][1]) == pytest.approx(math.pi)
 
 
 @pytest.mark.slow
@@ -53,8 +59,7 @@ true = [float(se2.distance(np.array(graph.nodes[a]["configuration"]), np.array(g
         for a, b in graph.edges]
 tell(ends=ends, wanted=[problem.start.tolist(), problem.goal.tolist()], joined=nx.has_path(graph, start, goal),
      edges=len(lengths), worst=max(abs(a - b) for a, b in zip(lengths, true)))
-""",
-        whole=True,
+"""
     )
     assert found["ends"] == found["wanted"]
     assert found["joined"]

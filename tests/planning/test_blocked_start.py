@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from tests.helpers.random_worlds import random_world
+from tests.helpers.worlds import random_world
 
 from trailmark import ConfigurationError, LandmarkPlanner, Robot, StateChecker, World, check_path
 from trailmark.curves.words import drive

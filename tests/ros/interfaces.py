@@ -1,9 +1,7 @@
-"""The interface packages of nav2 that have no wheel, built once into a cache from their fields.
+"""The interface packages of nav2 that have no wheel, built once into a cache from their fields, as Kilted has them.
 
-`interfaces.txt` has the fields, and since or until which distribution of ROS 2 they are there. The wheels that rclpy
-brings hold all generators: the packages are made by them and by gcc, without CMake, one shared library each. By hand:
-`python tests/ros/interfaces.py [VARIANT]` builds them and prints what a shell has to export; VARIANT is one of humble,
-jazzy, kilted (the default), rolling.
+The wheels that rclpy brings hold all generators: the packages are made by them and by gcc, without CMake, one shared
+library each. By hand: `python tests/ros/interfaces.py` builds them and prints what a shell has to export.
 """
 
 from __future__ import annotations
@@ -22,7 +20,6 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
-VARIANTS = ("humble", "jazzy", "kilted", "rolling")
 FIELDS = Path(__file__).with_suffix(".txt")
 KINDS = ["generator_c", "generator_py", "typesupport_c", "typesupport_fastrtps_c", "typesupport_introspection_c"]
 FOUND_BY_NAME = ["typesupport_fastrtps_c", "typesupport_introspection_c"]  # libraries that are opened by their names
@@ -46,9 +43,9 @@ def why_not() -> str | None:
     return None
 
 
-def environment(variant: str = "kilted") -> dict[str, str]:
+def environment() -> dict[str, str]:
     """What a process needs beside `os.environ` to import the packages and to be alone with this process's children."""
-    prefix = interfaces(variant)
+    prefix = interfaces()
     return {
         "PYTHONPATH": _before("PYTHONPATH", prefix),
         "LD_LIBRARY_PATH": _before("LD_LIBRARY_PATH", prefix / "lib"),
@@ -57,17 +54,17 @@ def environment(variant: str = "kilted") -> dict[str, str]:
     }
 
 
-def interfaces(variant: str = "kilted") -> Path:
+def interfaces() -> Path:
     """The folder of the Python packages nav2_msgs, bond, tf2_msgs and map_msgs, built where it is not yet there."""
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "trailmark-tests", "ros")
-    prefix = folder / _digest(variant)
+    prefix = folder / _digest()
     if prefix.is_dir():
         return prefix
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as lock, tempfile.TemporaryDirectory(dir=folder) as scratch:
         fcntl.flock(lock, fcntl.LOCK_EX)  # two workers of pytest may ask at once
         if not prefix.is_dir():
-            command = [sys.executable, __file__, variant, scratch]  # generators print, and want an environment
+            command = [sys.executable, __file__, scratch]  # generators print, and want an environment
             done = subprocess.run(command, env=os.environ | {"AMENT_PREFIX_PATH": str(_ros())}, capture_output=True)
             if done.returncode:
                 raise RuntimeError(f"the interfaces of nav2 were not built:\n{done.stderr.decode()[-4000:]}")
@@ -75,27 +72,15 @@ def interfaces(variant: str = "kilted") -> Path:
     return prefix
 
 
-def definitions(variant: str) -> dict[str, str]:
-    """The text of each interface by its file, as a distribution of ROS 2 has it."""
+def definitions() -> dict[str, str]:
+    """The text of each interface by its file."""
     texts: dict[str, str] = {}
     for line in filter(None, FIELDS.read_text().splitlines()):
-        field, _, when = line.partition("  # ")
         if line.startswith("["):
-            file = line.strip("[]")
-            texts[file] = ""
-        elif variant in _distributions(when):
-            texts[file] += f"{field}\n"
+            texts[file := line.strip("[]")] = ""
+        else:
+            texts[file] += f"{line}\n"
     return texts
-
-
-def _distributions(when: str) -> tuple[str, ...]:
-    """Those that have a field: `since NAME`, `until NAME`, or all."""
-    match when.split():
-        case ["since", name]:
-            return VARIANTS[VARIANTS.index(name) :]
-        case ["until", name]:
-            return VARIANTS[: VARIANTS.index(name) + 1]
-    return VARIANTS
 
 
 def _before(name: str, folder: Path) -> str:
@@ -114,18 +99,18 @@ def _ros() -> Path:
     return _site().parents[2]
 
 
-def _digest(variant: str) -> str:
-    """Of the fields, this file, the variant, Python and the versions of all that the packages are built with."""
+def _digest() -> str:
+    """Of the fields, this file, Python and the versions of all that the packages are built with."""
     wheels = sorted(path.name for name in ("ros_*", "numpy-*", "empy-*") for path in _site().glob(f"{name}.dist-info"))
-    built_with = [Path(__file__).read_text(), FIELDS.read_text(), variant, sys.version, *wheels]
-    return f"{variant}-{hashlib.sha256(repr(built_with).encode()).hexdigest()[:16]}"
+    built_with = [Path(__file__).read_text(), FIELDS.read_text(), sys.version, *wheels]
+    return hashlib.sha256(repr(built_with).encode()).hexdigest()[:16]
 
 
-def _build(variant: str, scratch: Path) -> None:
+def _build(scratch: Path) -> None:
     parser = import_module("rosidl_parser.parser")
     parser.parse_idl_string = cache(parser.parse_idl_string)  # type: ignore[attr-defined]  # each generator parses anew
     compilers = []
-    texts = definitions(variant)
+    texts = definitions()
     for package in sorted({file.split("/")[0] for file in texts}):
         idl = []
         for file, text in texts.items():
@@ -191,11 +176,11 @@ def _compile(package: str, code: Path, prefix: Path) -> subprocess.Popen[bytes]:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 3:
-        _build(sys.argv[1], Path(sys.argv[2]))
+    if len(sys.argv) == 2:
+        _build(Path(sys.argv[1]))
     elif reason := why_not():
         sys.exit(reason)
     else:
-        for key, value in environment(*sys.argv[1:]).items():
+        for key, value in environment().items():
             if key.endswith("PATH"):
                 sys.stdout.write(f"export {key}={value}\n")

@@ -175,11 +175,7 @@ class Client:
         if start is not None:
             request.start = stamped(start)
         if kind is ComputePathThroughPoses:
-            poses = [stamped(one) for one in goal]
-            if hasattr(request.goals, "goals"):
-                request.goals.goals = poses
-            else:
-                request.goals = poses
+            request.goals.goals = [stamped(one) for one in goal]
         else:
             request.goal = stamped(goal)
         name = "compute_path_to_pose" if kind is ComputePathToPose else "compute_path_through_poses"

@@ -1,44 +1,38 @@
-"""What a result depends on besides the planner: versions, source code, processor, system."""
+"""What a result depends on besides the planner: versions, source code, processor."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import platform
+import re
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-__all__ = ["cpu_name", "source_digest", "system", "versions"]
+__all__ = ["cpu_name", "source_digest", "versions"]
 
 PACKAGES = ("trailmark", "ompl", "python-fcl", "numpy", "scipy", "scikit-learn", "networkx", "numba", "shapely")
 
 
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that do the work."""
-    found = {"Python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "unknown"
-    return found
+    return {"Python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def cpu_name() -> str:
     """Return the processor's name and the number of cores."""
-    name = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
-    if info.exists():
-        lines = info.read_text(encoding="utf-8", errors="replace").splitlines()
-        names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-        name = names[0] if names else name
-    return f"{name}, {os.cpu_count()} cores"
-
-
-def system() -> str:
-    """Return the operating system and its kernel."""
-    return platform.platform()
+    text = info.read_text(encoding="utf-8", errors="replace") if info.exists() else ""
+    named = re.search(r"^model name\s*: (.+)$", text, re.MULTILINE)
+    return f"{named[1] if named else platform.processor() or platform.machine()}, {os.cpu_count()} cores"
 
 
 @lru_cache(1)

@@ -76,10 +76,10 @@ def _answer(job: Job, *ours: Connection) -> Answer:
         return {"status": int(Status.ABORT), "seed": job["seed"], "failure": str(error), "preparing": 0.0}
     preparing = perf_counter() - begin
     found, wrong = _run_in_child(prepared, job, *ours)
-    answer: Answer = {"setup_time": prepared.setup_time, "time": 0.0} | found
+    answer: Answer = {"setup_time": prepared.setup_time, "time": 0.0, "correct_solution": False} | found
     if answer["setup_time"] != prepared.setup_time:
         preparing += answer["setup_time"]  # a native program prepares for each run
-    answer |= {"seed": job["seed"], "preparing": preparing, "correct_solution": False}
+    answer |= {"seed": job["seed"], "preparing": preparing}
     if wrong is not None:
         # None of the times that it reports is used.
         answer |= {"time": answer["answered"], "curve": [], "time_to_first_solution": None}
@@ -107,25 +107,28 @@ def _run_in_child(prepared: Prepared, job: Job, *ours: Connection) -> tuple[Answ
         elapsed = perf_counter() - begin
         printed.seek(0)
         said = printed.read()[-4000:].decode(errors="replace")
-    wrong = _wrong_time(answer)
-    error, planned, code = answer.pop("error", None), "status" in answer, child.exitcode or 0
-    if hung:
-        ended, why = Status.TIMEOUT, f"did not end by itself: killed after {elapsed:.1f} s"
-    elif error is not None:
-        ended, why = Status.ABORT, error
-    elif code < 0:
-        name = signal.Signals(-code).name
-        ended = Status.ABORT if name == "SIGABRT" else Status.CRASH
-        why = " ".join([name, *said.strip().splitlines()[-1:]]).strip()[:500]
-    elif code > 0 or not planned:
-        ended, why = Status.CRASH, f"ended with status {code} and no answer"
-    else:
+    wrong, planned = _wrong_time(answer), "status" in answer
+    ended, why = _end(answer.pop("error", None), child.exitcode or 0, said, elapsed if hung else None, planned=planned)
+    if ended is None:
         return answer, wrong
     if "out of memory" in why or "bad_alloc" in said:
         why = f"out of memory (limit {float(job['memory_limit']):g} MB): {why}"
     if planned:
         return answer | {"failure": f"after planning: {why}"}, wrong
     return answer | {"status": int(ended), "failure": why, "time": elapsed, "solved": False}, wrong
+
+
+def _end(error: str | None, code: int, said: str, hung: float | None, *, planned: bool) -> tuple[Status | None, str]:
+    """Return how a child ended and why, None if it ended well: its error, exit code, words, seconds until killed."""
+    if hung is not None:
+        return Status.TIMEOUT, f"did not end by itself: killed after {hung:.1f} s"
+    if error is not None:
+        return Status.ABORT, error
+    if code < 0:
+        name = signal.Signals(-code).name
+        words = " ".join([name, *said.strip().splitlines()[-1:]]).strip()[:500]
+        return (Status.ABORT if name == "SIGABRT" else Status.CRASH), words
+    return (None, "") if code == 0 and planned else (Status.CRASH, f"ended with status {code} and no answer")
 
 
 def _collected(parts: IO[bytes], alive: Connection, begin: float, job: Job) -> tuple[Answer, bool]:

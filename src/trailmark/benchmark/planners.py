@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
-import math
 import os
 import re
 import sys
@@ -19,7 +19,17 @@ if TYPE_CHECKING:
     from trailmark.planning import PlannerSettings
     from trailmark.world import Robot
 
-__all__ = ["PlannerName", "Resolution", "known_planners", "method_settings", "read_planners", "settings_of"]
+__all__ = [
+    "OWN_SPACING",
+    "PlannerName",
+    "known_planners",
+    "load_function",
+    "method_settings",
+    "native_peer",
+    "read_planners",
+    "settings_of",
+    "spacing_of",
+]
 
 CERTIFIED = "+certified"
 """Ends the name of one of OMPL's planners that plans with certified motions."""
@@ -82,60 +92,39 @@ class PlannerName(NamedTuple):
         return f"{self.base}:{given}" if given else self.base
 
 
-class Resolution(NamedTuple):
-    """How far apart the states lie that OMPL's discrete motion validation checks.
+SPACING, NATIVE_SPACING = 0.1, 0.05
+"""Shares of the robot's inscribed radius that the states lie apart which OMPL's discrete validation checks.
 
-    Attributes:
-        value: metres, or a share of a robot's inscribed radius; above 0.
-        share: whether it is a share.
-    """
+From Python the referee refused 1 of 168 paths found so, 36 of 252 at five times it; of native planners, whose checks
+cost less, 1 of 269, and 68 of 392 at ten times it.
+"""
 
-    value: float
-    share: bool
-
-    @classmethod
-    def parse(cls, text: str) -> Resolution:
-        """Return what ``0.02`` (metres) or ``10%`` (of the inscribed radius) says.
-
-        Raises:
-            SuiteError: anything else.
-        """
-        share = text.endswith("%")
-        try:
-            value = float(text.removesuffix("%")) / (100.0 if share else 1.0)
-        except ValueError:
-            value = math.nan
-        if not (math.isfinite(value) and value > 0.0):
-            raise SuiteError(f"expected metres above 0, or a share of the inscribed radius such as 10%, got {text!r}")
-        return cls(value, share)
-
-    def metres(self, robot: Robot) -> float:
-        """Return the distance for a robot."""
-        return self.value * robot.inscribed_disc.radius if self.share else self.value
-
-
-DEFAULT = Resolution(0.1, share=True)
-"""Of OMPL's planners from Python: the referee refused 1 of 168 paths that they found so, 36 of 252 at five times it."""
-
-NATIVE_DEFAULT = Resolution(0.05, share=True)
-"""Of native planners, whose checks cost less: 1 of 269 paths was refused; at ten times it 68 of 392."""
-
-OWN = f"{100.0 * DEFAULT.value:g} % of the robot's inscribed radius, native planners {100.0 * NATIVE_DEFAULT.value:g} %"
+OWN_SPACING = f"{100.0 * SPACING:g} % of the robot's inscribed radius, native planners {100.0 * NATIVE_SPACING:g} %"
 """What the results say where each planner has its own."""
 
 
-def resolution_of(planner: str) -> Resolution:
-    """Return the resolution at which refusals of a planner are rare."""
-    return NATIVE_DEFAULT if planner.startswith(NATIVE) else DEFAULT
+def spacing_of(planner: str, robot: Robot) -> float:
+    """Return the spacing (metres) at which refusals of a planner are rare."""
+    return (NATIVE_SPACING if planner.startswith(NATIVE) else SPACING) * robot.inscribed_disc.radius
 
 
 def known_planners() -> list[str]:
     """Return the names of all planners: trailmark's, OMPL's as they are and certified, native ones where built."""
-    from trailmark.benchmark.native import native_planners
     from trailmark.ompl_bridge.planners import planner_names
     from trailmark.planning.settings import METHODS
 
-    return [*METHODS, *(name + motions for name in planner_names() for motions in ("", CERTIFIED)), *native_planners()]
+    peer = native_peer()
+    ompls = [name + motions for name in planner_names() for motions in ("", CERTIFIED)]
+    return [*METHODS, *ompls, *(peer.native_planners() if peer is not None else ())]
+
+
+def native_peer() -> Any:
+    """Return the module that runs OMPL's C++ planners, which is in the project's folder; None elsewhere."""
+    _look_here_too()
+    try:
+        return importlib.import_module("benchmarks.native.peer")
+    except ImportError:
+        return None
 
 
 def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
@@ -167,14 +156,11 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
             raise SuiteError(
                 f"planner {name.base!r} given, but the native program is not built (see benchmarks/native)"
             )
-        elif near := [spelt.get(other, other) for other in get_close_matches(name.base.lower(), [*spelt, "all"], n=6)]:
-            raise SuiteError(f"planner: {expected_name(name.base, near)}")
         else:
+            near = [spelt.get(other, other) for other in get_close_matches(name.base.lower(), [*spelt, "all"], n=6)]
             short = [other for other in [*known, "all"] if other.islower()]
-            raise SuiteError(
-                f"planner: {expected_name(name.base, short)}, or one of OMPL's, such as RRTConnect "
-                "(see 'trailmark benchmark --help')"
-            )
+            more = "" if near else ", or one of OMPL's, such as RRTConnect (see 'trailmark benchmark --help')"
+            raise SuiteError(f"planner: {expected_name(name.base, near or short)}{more}")
         _require_parameters(name)
         chosen[str(name)] = None
     if not chosen:
@@ -190,9 +176,7 @@ def settings_of(name: str) -> str:
     given = ", ".join([*(f"{key}={value}" for key, value in named.parameters.items()), ""])
     given = f"{given}else default settings" if given else "default settings"
     if named.native:
-        from trailmark.benchmark.native import native_versions
-
-        made = ", ".join(f"{what} {version}" for what, version in native_versions().items())
+        made = ", ".join(f"{what} {version}" for what, version in native_peer().native_versions().items())
         motions = "certified by bisection of clearances" if named.certified else "discrete"
         return f"OMPL in C++, {given}; states checked by FCL in C++; motions {motions}; {made}"
     if named.own:
@@ -237,9 +221,7 @@ def _require_parameters(name: PlannerName) -> None:
     if not name.parameters:
         return
     if name.native:
-        from trailmark.benchmark.native import native_parameters
-
-        known = native_parameters(name.base)
+        known = native_peer().native_parameters(name.base)
         for parameter, text in name.parameters.items():
             if parameter not in known:
                 raise SuiteError(f"planner {name.base}: parameter: {expected_name(parameter, known)}")
@@ -256,14 +238,25 @@ def _require_parameters(name: PlannerName) -> None:
             raise SuiteError(str(error)) from None
 
 
+def load_function(name: str) -> Any:
+    """Return the function that ``module:function`` names."""
+    _look_here_too()
+    module, _, function = name.partition(":")
+    return getattr(importlib.import_module(module), function)
+
+
 def _require_module(name: str) -> None:
     module = name.partition(":")[0]
-    # As the worker processes will import it.
-    if os.getcwd() not in sys.path:  # noqa: PTH109  # sys.path holds strings
-        sys.path.append(os.getcwd())  # noqa: PTH109  # as above
+    _look_here_too()
     try:
         found = importlib.util.find_spec(module)
     except (ImportError, ValueError):
         found = None
     if found is None:
         raise SuiteError(f"planner {name!r} given, but there is no module {module!r}; expected module:function")
+
+
+def _look_here_too() -> None:
+    """Import from the working directory too, as worker processes do; last, so that no file takes a library's place."""
+    if os.getcwd() not in sys.path:  # noqa: PTH109  # sys.path holds strings
+        sys.path.append(os.getcwd())  # noqa: PTH109  # as above

@@ -48,11 +48,7 @@ class Problem:
 
     @property
     def text(self) -> str:
-        """The whole problem as the text of a world file: what workers get, and what the results keep.
-
-        Made anew each time: of a map with thousands of queries, each problem's text is kilobytes. The obstacles of a
-        grid map are its cells.
-        """
+        """The whole problem as the text of a world file, made anew each time: it may be kilobytes of a grid's cells."""
         from trailmark.world.world_file import world_text
 
         return world_text(self.world, grid=True)

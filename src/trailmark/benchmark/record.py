@@ -51,20 +51,15 @@ class RunRecord:
         solution_length: cost of the path at the end.
         simplified_solution_length: its cost after the simplifier that all planners share.
         simplification_time: what that took; not part of ``time``.
-        states_checked: validity checks of single states.
-        motions_checked: checks of motions.
+        states_checked: validity checks of single states, by OMPL's planners.
+        motions_checked: checks of motions, by OMPL's planners.
         graph_states: nodes of the roadmap or tree at the end.
         graph_motions: its edges.
-        memory: MB (2^20 bytes) of heap in use above what was in use when planning began: the largest value measured,
-            after each of the landmark planner's steps, at the end of OMPL's planners.
+        memory: MB (2^20 bytes) of main memory held at most above what was held when planning began.
         seed: what the run was seeded with.
         setup_time: reading the problem and building its checker.
         overhead: wall time of the job less ``time``, ``simplification_time`` and what preparing the problem took, if
             it was not ready: forking, counting the graph, judging the path, handing over.
-        smoothness: how much the path's direction turns for each metre (radians / metre).
-        max_curvature: of the path (radians / metre).
-        min_clearance: its least distance to obstacles and bounds (metres).
-        parameters: of one of OMPL's planners once it is set up, ``name=value`` by commas: some follow from the problem.
         failure: one line that says why there is no answer, or why it was refused.
         path: states [x, y, theta] of the returned path, also of an approximate one.
         simplified_path: states after the simplifier.
@@ -90,10 +85,6 @@ class RunRecord:
     seed: int = 0
     setup_time: float | None = None
     overhead: float | None = None
-    smoothness: float | None = None
-    max_curvature: float | None = None
-    min_clearance: float | None = None
-    parameters: str | None = None
     failure: str | None = None
     path: States | None = None
     simplified_path: States | None = None

@@ -1,14 +1,11 @@
-"""Referee: checks returned paths by shapely and dense sampling, which no planner uses to find them.
-
-Of a path that it accepted it tells the measures: how smooth it is, how sharply it bends, how near it comes.
-"""
+"""Referee: checks returned paths by shapely and dense sampling, which no planner uses to find them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
@@ -19,7 +16,7 @@ from trailmark.shapes import Disc
 from trailmark.world import Robot, World, with_keep_outs
 from trailmark.world.zones import OneWayZone
 
-__all__ = ["Measures", "Referee", "path_measures"]
+__all__ = ["Referee"]
 
 FloatArray = NDArray[np.float64]
 
@@ -34,41 +31,6 @@ CHUNK = 2048
 
 MAX_STATES = 2_000_000
 """Longest path, in steps, that is judged: longer ones are refused."""
-
-
-PIECES = 256
-"""Parts into which a path is cut at first; those that may hold its least clearance are halved."""
-
-PRECISE, FINEST = 1e-3, 4096
-"""Metres by which the least clearance may be found too large; on longer ways their length over this number."""
-
-BENDS = 20
-"""Chords of a car's quarter turn."""
-
-WINDOWS = 4
-"""Places, for each scale's length, at which the curvature is read."""
-
-LONGEST = 20_000
-"""Places at most, on paths of thousands of metres."""
-
-
-class Measures(NamedTuple):
-    """What one path is like.
-
-    Attributes:
-        smoothness: how much the direction of travel turns for each metre (radians / metre): the sum of all turns, a
-            car's changes of direction as half turns, over the length; 0 is straight. Bench-MR calls it angle over
-            length.
-        max_curvature: largest turn (radians) from the chord behind a place to the chord ahead of it over a chord's
-            length (metres), which is the inscribed radius: a corner has no curvature of its own. A car's changes of
-            direction do not count; else its curvature is that of its circles, but for the chords.
-        min_clearance: least distance to obstacles, boundary and bounds (metres), too large by PRECISE, or a FINESTth of
-            the way, at most.
-    """
-
-    smoothness: float
-    max_curvature: float
-    min_clearance: float
 
 
 class Referee:
@@ -121,7 +83,7 @@ class Referee:
             apart = np.asarray(wanted, dtype=np.float64) - end
             if math.hypot(apart[0], apart[1]) > TOUCHING or abs(_wrapped(apart[2])) > TOUCHING:
                 return f"path's end ({_row(end)}) is not the {name} ({_row(wanted)})"
-        steps = sum(math.ceil(self.bound(a, b) / self.step) for a, b in pairwise(states))
+        steps = sum(math.ceil(self._bound(a, b) / self.step) for a, b in pairwise(states))
         if steps > MAX_STATES:
             return f"path: expected at most {MAX_STATES:,} steps of {self.step:g} m, got {steps:,}"
         for a, b in pairwise(states):
@@ -141,58 +103,7 @@ class Referee:
                     return f"robot at ({_row(block[int(np.argmax(wrong))])}) {what}"
         return None
 
-    @property
-    def steering(self) -> Steering | None:
-        """Of a robot that is a car; None for one that moves straight."""
-        return self._steering
-
-    def clearance(self, states: FloatArray, up_to: float = math.inf) -> FloatArray:
-        """Return the distance (metres) from the robot to what it may not meet, at states of shape (n, 3): shape (n,).
-
-        Obstacles, the boundary and the bounds count; 0 where the robot touches one, or is beyond it. Where it is more
-        than ``up_to`` metres, something above that may take its place, which is found sooner.
-        """
-        (xmin, ymin, xmax, ymax), radius = self._world.bounds, self._radius
-        # Of the reference point, if the robot is a disc.
-        furthest = None if math.isinf(up_to) else up_to + radius + 2.0 * TOUCHING
-        if self._outline is None:
-            places = states[:, None, :2]
-            robots = shapely.points(places[:, 0])
-        else:
-            places = self._corners(states, self._outline)
-            robots = shapely.polygons(places)
-        low, high = places.min(axis=1), places.max(axis=1)
-        found = np.min([low - (xmin, ymin), (xmax, ymax) - high], axis=(0, 2))
-        if self._boundary is not None:
-            inside = shapely.covers(self._boundary, robots)
-            found = np.where(inside, np.minimum(found, shapely.distance(self._boundary.exterior, robots)), 0.0)
-        if len(self._solid.geometries):
-            index, apart = self._solid.query_nearest(robots, furthest, return_distance=True, all_matches=False)
-            found[index[0]] = np.minimum(found[index[0]], apart)
-        if len(self._radii):
-            # The disc in the nearest box bounds the distance within which the nearest disc's box lies.
-            for near in ("nearest", "within"):
-                if near == "nearest":
-                    which, disc = self._discs.query_nearest(robots, furthest, all_matches=False)
-                else:
-                    reach = np.clip(found, 0.0, furthest)
-                    which, disc = self._discs.query(robots, predicate="dwithin", distance=reach)
-                apart = shapely.distance(robots[which], self._centers[disc]) - self._radii[disc]
-                np.minimum.at(found, which, apart)
-        return np.asarray(np.maximum(0.0, found - radius - TOUCHING))
-
-    def between(self, a: FloatArray, b: FloatArray, at: FloatArray) -> FloatArray:
-        """Return the states at parts ``at``, shape (n,), of the motion from a to b: shape (n, 3).
-
-        Straight motions may also be n, one for each part: a and b then have shape (n, 3).
-        """
-        if self._steering is not None:
-            return self._steering.states(a, b, at * self._steering.lengths(a, b))
-        along = b - a
-        along[..., 2] = _wrapped(along[..., 2])
-        return np.asarray(a + at[:, None] * along)
-
-    def bound(self, a: FloatArray, b: FloatArray) -> float:
+    def _bound(self, a: FloatArray, b: FloatArray) -> float:
         """Return how far a motion moves any point of the robot at most (metres)."""
         if self._steering is not None:
             return float(self._steering.lengths(a, b)) * (1.0 + self._reach / self._steering.radius)
@@ -200,8 +111,13 @@ class Referee:
 
     def _between(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return the states along the motion from a to b, without a, no point moving more than a step to the next."""
-        n = max(1, math.ceil(self.bound(a, b) / self.step))
-        return self.between(a, b, np.arange(1, n + 1) / n)
+        n = max(1, math.ceil(self._bound(a, b) / self.step))
+        at = np.arange(1, n + 1) / n
+        if self._steering is not None:
+            return self._steering.states(a, b, at * self._steering.lengths(a, b))
+        along = b - a
+        along[2] = _wrapped(along[2])
+        return np.asarray(a + at[:, None] * along)
 
     def _can_be_driven(self, states: FloatArray, goal: FloatArray, steering: Steering) -> bool:
         """Return whether a car can drive along dense states to the goal.
@@ -310,89 +226,3 @@ def _wrapped(angle: Any) -> Any:
 
 def _row(state: Any) -> str:
     return ", ".join(f"{float(v):.6g}" for v in state)
-
-
-def path_measures(referee: Referee, path: ArrayLike, scale: float) -> Measures:
-    """Return the measures of a path.
-
-    Args:
-        referee: of its problem.
-        path: states, shape (n, 3), as the referee took them.
-        scale: metres over which curvature is read: the robot's inscribed radius.
-    """
-    states = np.asarray(path, dtype=np.float64)
-    points = _line(referee, states, scale)
-    places = np.vstack([points[:1], points[1:][np.hypot(*np.diff(points, axis=0).T) > 1e-9]])
-    steps = np.diff(places, axis=0)
-    turns = np.abs(_angles(steps[:-1], steps[1:]))
-    length = float(np.hypot(*steps.T).sum())
-    smoothness = float(turns.sum()) / length if length > 0.0 else 0.0
-    # Of a car there is a line for each way between two changes of direction.
-    cusps = 1 + np.flatnonzero((turns > 0.5 * np.pi) & (referee.steering is not None))
-    ways = pairwise([0, *cusps, len(places) - 1])
-    curvature = max(_curvature(places[a : b + 1], scale) for a, b in ways)
-    return Measures(smoothness, curvature, _least_clearance(referee, states))
-
-
-def _line(referee: Referee, states: FloatArray, scale: float) -> FloatArray:
-    """Return the way of the reference point as a line, shape (n, 2); a car's curves as chords."""
-    if referee.steering is None or len(states) == 1:
-        return states[:, :2]
-    step = min(0.5 * np.pi * referee.steering.radius / BENDS, scale / WINDOWS)
-    parts = [states[:1]]
-    for a, b in pairwise(states):
-        n = min(LONGEST, max(1, int(np.ceil(referee.steering.lengths(a, b) / step))))
-        parts.append(referee.between(a, b, np.arange(1, n + 1) / n))
-    return np.vstack(parts)[:, :2]
-
-
-def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the angles from the vectors a, shape (n, 2), to the vectors b."""
-    return np.asarray(np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1)))
-
-
-def _curvature(points: FloatArray, scale: float) -> float:
-    """Return the largest turn between chords of a length, over that length, along a line of different points.
-
-    A line shorter than two chords has shorter ones.
-    """
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    scale = min(scale, 0.5 * float(along[-1]))
-    if scale <= 0.0:
-        return 0.0
-    count = min(LONGEST, int(WINDOWS * along[-1] / scale) + 2)
-    # At corners too, where the turn is largest.
-    places = np.concatenate([np.linspace(scale, along[-1] - scale, count), along[1:-1]])
-    places = places[(places >= scale) & (places <= along[-1] - scale)]
-    behind, here, ahead = (
-        np.column_stack([np.interp(places + shift, along, points[:, i]) for i in (0, 1)])
-        for shift in (-scale, 0.0, scale)
-    )
-    a, b = here - behind, ahead - here
-    return float(np.abs(_angles(a, b)).max(initial=0.0)) / scale
-
-
-def _least_clearance(referee: Referee, states: FloatArray) -> float:
-    """Return the least clearance, by halves: from a part's middle, none of the robot moves by more than half a part."""
-    least = float(referee.clearance(states).min())
-    bounds = np.array([referee.bound(a, b) for a, b in pairwise(states)])
-    whole = float(bounds.sum())
-    precise = max(PRECISE, whole / FINEST)
-    counts = np.where(bounds > 0.0, np.maximum(1, np.ceil(PIECES * bounds / (whole or 1.0))), 0).astype(int)
-    # Of each part: its motion, and where on that it begins and how long it is, as shares of the motion.
-    motion = np.repeat(np.arange(len(counts)), counts)
-    share = 1.0 / counts[motion]
-    low = share * np.concatenate([np.arange(n) for n in counts] or [np.empty(0)])
-    while len(motion):
-        middle, moved = low + 0.5 * share, 0.5 * share * bounds[motion]
-        if referee.steering is None:
-            places = referee.between(states[motion], states[motion + 1], middle)
-        else:
-            each = (referee.between(states[i], states[i + 1], middle[motion == i]) for i in np.unique(motion))
-            places = np.vstack(list(each))
-        found = referee.clearance(places, least + float(moved.max()))
-        least = min(least, float(found.min()))
-        open_ = found - moved < least - precise
-        motion, low, share = (np.repeat(column[open_], 2) for column in (motion, low, 0.5 * share))
-        low[1::2] += share[1::2]
-    return least

@@ -1,4 +1,4 @@
-"""The report on a results database: one static page that works offline, light or dark.
+"""The report on a results database: figures for the shell, and one static page that works offline, light or dark.
 
 It reads the database alone, so that it can be written on any machine, also while a benchmark is running. A run that
 failed has no time and no cost: in means of times it counts as the time limit, in medians as infinity, that is, as worse
@@ -14,15 +14,12 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-import jinja2
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from trailmark.benchmark.results import FloatArray, Problem, Results, Runs
-from trailmark.plotting.benchmark import line_chart
 
-__all__ = ["Ratio", "html_report", "paired_ratio", "ranked", "shifted_geometric_mean", "step_values", "wilson"]
+__all__ = ["Ratio", "failures", "html_report", "paired_ratio", "ranked", "step_values", "summary", "wilson"]
 
 SHIFT = 0.01
 """Seconds, of the shifted geometric mean of times."""
@@ -46,19 +43,12 @@ class Ratio(NamedTuple):
 
 def wilson(successes: int, n: int) -> tuple[float, float]:
     """Return Wilson's 95 % score interval of a share (JASA 22, 1927): low and high; 0 to 1 of no runs."""
+    from scipy import stats
+
     if n == 0:
         return 0.0, 1.0
     found = stats.binomtest(successes, n).proportion_ci(method="wilson")
     return float(found.low), float(found.high)
-
-
-def shifted_geometric_mean(values: ArrayLike, shift: float) -> float:
-    """Return exp(mean log(v + shift)) − shift of values above −shift; NaN of none.
-
-    The shift keeps values much smaller than it from deciding the mean (H. Mittelmann's benchmarks of solvers).
-    """
-    array = np.asarray(values, dtype=np.float64)
-    return float(np.expm1(np.log1p(array / shift).mean()) * shift) if array.size else math.nan
 
 
 def step_values(times: ArrayLike, values: ArrayLike, at: ArrayLike) -> FloatArray:
@@ -86,12 +76,47 @@ def paired_ratio(pairs: Sequence[tuple[ArrayLike, ArrayLike]]) -> Ratio:
     if not logs:
         return Ratio(math.nan, math.nan, math.nan)
     units = np.array([each.mean() for each in logs]) if len(logs) > 1 else logs[0]
-    mean = math.exp(float(units.mean()))
-    if len(units) < 2 or np.ptp(units) == 0.0:
-        return Ratio(mean, mean, mean)
-    found = stats.bootstrap((units,), np.mean, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(0))
-    low, high = found.confidence_interval
-    return Ratio(mean, math.exp(float(low)), math.exp(float(high)))
+    means = np.random.default_rng(0).choice(units, (RESAMPLES, len(units))).mean(axis=1)
+    low, high = np.exp(np.quantile(means, [0.025, 0.975]))
+    return Ratio(math.exp(float(units.mean())), float(low), float(high))
+
+
+def ranked(results: Results) -> list[str]:
+    """Return the planners, the one with the least mean time to its first path first; failures count as the limit."""
+    means = {name: _mean_time(_parts(results, name)) for name in results.planners}
+    return sorted(results.planners, key=lambda name: means[name])
+
+
+def summary(results: Results, names: Sequence[str]) -> list[list[str]]:
+    """Return a header and a row for each planner, over all its runs.
+
+    ``solved`` counts what the referee accepts, ``refused`` what the planner called a solution and is none. Medians are
+    over all runs: of the time to the first path, and of the cost as a multiple of the problem's best known.
+    """
+    rows = [["planner", "solved", "refused", "first path, median s", "cost / best, median"]]
+    for name in names:
+        parts = _parts(results, name)
+        times = np.concatenate([runs.first_times for _, runs in parts])
+        costs = np.concatenate([_over_best(problem, runs.costs) for problem, runs in parts])
+        solved, refused = sum(int(runs.success.sum()) for _, runs in parts), sum(runs.refused for _, runs in parts)
+        medians = (_number(float(np.median(values))) for values in (times, costs))
+        rows.append([name, f"{solved}/{len(times)}", str(refused), *medians])
+    return rows
+
+
+def failures(results: Results, names: Sequence[str]) -> list[list[str]]:
+    """Return name, endings and most frequent reasons of each planner that has runs without success."""
+    rows = []
+    for name in names:
+        endings, reasons = Counter[str](), Counter[str]()
+        for _, runs in _parts(results, name):
+            endings.update(runs.endings())
+            reasons.update(" ".join(reason.split())[:200] for reason in runs.failures if reason)
+        if endings:
+            ended = ", ".join(f"{count} {how}" for how, count in endings.most_common())
+            said = "; ".join(f"{reason} ({count})" for reason, count in reasons.most_common(3))
+            rows.append([name, ended, said or NOTHING])
+    return rows
 
 
 class _Table(NamedTuple):
@@ -103,6 +128,10 @@ class _Table(NamedTuple):
 
 def html_report(results: Results) -> str:
     """Return the report as HTML; the same database gives the same text."""
+    import jinja2
+
+    from trailmark.plotting.benchmark import line_chart
+
     names = ranked(results)
     template = files("trailmark.benchmark").joinpath("report.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
@@ -116,16 +145,12 @@ def html_report(results: Results) -> str:
         success=line_chart(_success_over_time(results, names), "time, s", "runs solved", percent=True),
         cost=line_chart(_cost_over_time(results, names), "time, s", "cost / best known"),
         problems=[(problem.name, _problem_table(problem, names)) for problem in results.problems],
-        failures=_failures(results, names),
+        failures=_Table(
+            ["planner", "runs without success", "most frequent reasons"], failures(results, names), words=True
+        ),
         conditions=_conditions(results),
         settings=_Table(["planner", "settings"], [[n, results.settings.get(n) or NOTHING] for n in names], words=True),
     )
-
-
-def ranked(results: Results) -> list[str]:
-    """Return the planners, the one with the least mean time to its first path first; failures count as the limit."""
-    means = {name: _mean_time(_parts(results, name)) for name in results.planners}
-    return sorted(results.planners, key=lambda name: means[name])
 
 
 def _parts(results: Results, name: str) -> list[tuple[Problem, Runs]]:
@@ -138,7 +163,12 @@ def _at_limit(problem: Problem, runs: Runs) -> FloatArray:
 
 
 def _mean_time(parts: Sequence[tuple[Problem, Runs]]) -> float:
-    return shifted_geometric_mean([shifted_geometric_mean(_at_limit(*part), SHIFT) for part in parts], SHIFT)
+    """Return the geometric mean, shifted by SHIFT, over the runs on a problem and then over the problems.
+
+    The shift keeps values much smaller than it from deciding the mean (H. Mittelmann's benchmarks of solvers).
+    """
+    logs = [float(np.log1p(_at_limit(*part) / SHIFT).mean()) for part in parts]
+    return float(np.expm1(np.mean(logs)) * SHIFT)
 
 
 def _over_best(problem: Problem, costs: FloatArray) -> FloatArray:
@@ -148,21 +178,12 @@ def _over_best(problem: Problem, costs: FloatArray) -> FloatArray:
 
 
 def _ranking(results: Results, names: Sequence[str]) -> _Table:
-    header = ["planner", "solved", "95 % interval", "refused", "first path, median s", "mean s", "time ratio"]
-    header += ["cost / best, median", "cost ratio"]
-    rows = []
-    for name in names:
-        parts = _parts(results, name)
-        solved, count = sum(int(runs.success.sum()) for _, runs in parts), sum(len(runs) for _, runs in parts)
-        low, high = wilson(solved, count)
-        times = np.concatenate([runs.first_times for _, runs in parts])
-        costs = np.concatenate([_over_best(problem, runs.costs) for problem, runs in parts])
-        time_ratio, cost_ratio = _ratios(results, name, names[0]) if name != names[0] else ("1", "1")
-        refused = str(sum(runs.refused for _, runs in parts))
-        row = [name, f"{solved} of {count}", f"{100 * low:.0f} to {100 * high:.0f} %", refused]
-        row += [_number(float(np.median(times))), _number(_mean_time(parts)), time_ratio]
-        rows.append([*row, _number(float(np.median(costs))), cost_ratio])
-    return _Table(header, rows)
+    header, *rows = summary(results, names)
+    for name, row in zip(names, rows, strict=True):
+        low, high = wilson(*map(int, row[1].split("/")))
+        ratios = _ratios(results, name, names[0]) if name != names[0] else ("1", "1")
+        row += [f"{100 * low:.0f} to {100 * high:.0f} %", _number(_mean_time(_parts(results, name))), *ratios]
+    return _Table([*header, "95 % interval", "mean s", "time ratio", "cost ratio"], rows)
 
 
 def _ratios(results: Results, name: str, other: str) -> tuple[str, str]:
@@ -171,7 +192,7 @@ def _ratios(results: Results, name: str, other: str) -> tuple[str, str]:
     for problem in results.problems:
         if name in problem.runs and other in problem.runs:
             ours, theirs = problem.runs[name], problem.runs[other]
-            _, own, others = np.intersect1d(ours["seed"], theirs["seed"], return_indices=True)
+            _, own, others = np.intersect1d(ours.seeds, theirs.seeds, return_indices=True)
             times.append((_at_limit(problem, ours)[own], _at_limit(problem, theirs)[others]))
             a, b = ours.costs[own], theirs.costs[others]
             both = np.isfinite(a) & np.isfinite(b) & (a > 0.0) & (b > 0.0)
@@ -218,22 +239,8 @@ def _problem_table(problem: Problem, names: Sequence[str]) -> _Table:
             runs = problem.runs[name]
             medians = (float(np.median(values)) for values in (runs.first_times, runs.costs, runs.simplified_costs))
             told = (_number(value) for value in (*medians, float(runs.best_costs.min())))
-            rows.append([name, f"{int(runs.success.sum())} of {len(runs)}", str(runs.refused), *told])
+            rows.append([name, f"{int(runs.success.sum())}/{len(runs)}", str(runs.refused), *told])
     return _Table(header, rows)
-
-
-def _failures(results: Results, names: Sequence[str]) -> _Table:
-    rows = []
-    for name in names:
-        endings, reasons = Counter[str](), Counter[str]()
-        for _, runs in _parts(results, name):
-            endings.update(runs.endings())
-            reasons.update(" ".join(reason.split())[:200] for reason in runs.failures if reason)
-        if endings:
-            ended = ", ".join(f"{count} {how}" for how, count in endings.most_common())
-            said = "; ".join(f"{reason} ({count})" for reason, count in reasons.most_common(3))
-            rows.append([name, ended, said or NOTHING])
-    return _Table(["planner", "runs without success", "most frequent reasons"], rows, words=True)
 
 
 def _conditions(results: Results) -> _Table:

@@ -6,23 +6,20 @@ later part (counting the graph, simplifying the path) does not take the planning
 
 from __future__ import annotations
 
-import ctypes
-import importlib
 import inspect
-import os
-import sys
 from collections.abc import Callable, Generator, Iterator, Mapping
-from functools import lru_cache
+from contextlib import suppress
+from pathlib import Path as FilePath
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trailmark import se2
-from trailmark.benchmark.planners import PlannerName, method_settings
+from trailmark.benchmark.planners import PlannerName, load_function, method_settings, native_peer
 from trailmark.benchmark.problems import Job, read_problem
 from trailmark.benchmark.record import Status
-from trailmark.benchmark.referee import Referee, path_measures
+from trailmark.benchmark.referee import Referee
 from trailmark.collision import StateChecker
 from trailmark.motion import kind_of
 from trailmark.motion.pointwise import CurveMarks, PointwiseChecker
@@ -35,9 +32,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from trailmark.ompl_bridge.problem import SE2Problem
-    from trailmark.planning import LandmarkPlanner, PlanProgress
+    from trailmark.planning import LandmarkPlanner
 
-__all__ = ["PREPARING", "WAIT", "MemoryPeak", "Prepared", "answers", "load_all"]
+__all__ = ["PREPARING", "WAIT", "Prepared", "answers", "load_all"]
 
 GRACE = (0.02, 0.05)
 """Seconds, and share of the time limit (the larger counts), after which a solution comes too late for any planner."""
@@ -95,11 +92,9 @@ class Prepared:
 
     def judged(self, answer: Mapping[str, Any]) -> Answer:
         """Return the referee's fields of a solved run; what a planner calls a solution and is none is a failure."""
-        fault = self._referee.fault(answer["path"], *self.ends)
-        if fault is not None:
+        if (fault := self._referee.fault(answer["path"], *self.ends)) is not None:
             return {"failure": f"refused: {fault}"}
-        scale = self.problem.robot.inscribed_disc.radius
-        found: Answer = {"correct_solution": True, **path_measures(self._referee, answer["path"], scale)._asdict()}
+        found: Answer = {"correct_solution": True}
         if answer.get("simplified_path"):
             fault = self._referee.fault(answer["simplified_path"], *self.ends)
             if fault is not None:
@@ -122,21 +117,14 @@ def load_all() -> None:
 
 
 def answers(prepared: Prepared, job: Job) -> Iterator[Answer]:
-    """Run a job's planner and yield the parts of its answer.
-
-    Args:
-        prepared: the job's problem.
-        job: the run.
-    """
+    """Run a job's planner and yield the parts of its answer."""
     for end, status in zip(prepared.ends, (Status.INVALID_START, Status.INVALID_GOAL), strict=True):
         if not prepared.checker.valid(end):
             yield {"status": int(status), "time": 0.0, "failure": status.description.lower()}
             return
     name, limit, graph = PlannerName.parse(job["planner"]), job["time_limit"], None
     if name.native:
-        from trailmark.benchmark.native import run_native
-
-        answer = run_native(prepared.problem, job)
+        answer = native_peer().run_native(prepared.problem, job)
         yield _in_time(answer, limit) if "curve" in answer else answer
         return
     if name.own:
@@ -164,7 +152,7 @@ def _settle(prepared: Prepared, job: Job, name: PlannerName) -> None:
     """
     limit, seed = min(SETTLING, job["time_limit"]), job["seed"] + SEED_OFFSET
     if name.base in METHODS:
-        _landmark_planner(prepared, prepared.checker, name, seed).plan(*prepared.ends, time_limit=limit)
+        _landmark_planner(prepared, name, seed).plan(*prepared.ends, time_limit=limit)
         return
     from trailmark.ompl_bridge import measured
 
@@ -180,11 +168,10 @@ def _latest(time_limit: float) -> float:
 def _ompl(prepared: Prepared, job: Job, name: PlannerName) -> tuple[Answer, Graph]:
     from trailmark.ompl_bridge import measured
 
-    problem = _ompl_problem(prepared, name, job["seed"], job["resolution"])
-    peak = MemoryPeak()
+    problem, memory = _ompl_problem(prepared, name, job["seed"], job["resolution"]), _resident_memory()
     run = measured.measure(problem, name.algorithm, job["time_limit"], parameters=name.parameters)
-    checked = run.states_checked, run.motions_checked
-    answer = _answer(prepared, Status(run.status), run.time, run.curve, run.path, checked, peak)
+    answer = _answer(prepared, Status(run.status), run.time, run.curve, run.path, memory)
+    answer |= {"states_checked": run.states_checked, "motions_checked": run.motions_checked}
     return answer, lambda: measured.graph_size(problem)
 
 
@@ -199,37 +186,24 @@ def _ompl_problem(prepared: Prepared, name: PlannerName, seed: int, resolution: 
     return SE2Problem(world, robot, prepared.ends, checker=prepared.checker, resolution=resolution, **options)
 
 
-def _landmark_planner(prepared: Prepared, checker: StateChecker, name: PlannerName, seed: int) -> LandmarkPlanner:
+def _landmark_planner(prepared: Prepared, name: PlannerName, seed: int) -> LandmarkPlanner:
     from trailmark.planning import LandmarkPlanner
 
-    world, settings = prepared.problem.world, method_settings(name)
+    world, checker, settings = prepared.problem.world, prepared.checker, method_settings(name)
     # By length, as OMPL's planners are measured, cars too.
     return LandmarkPlanner(world, seed=seed, checker=checker, settings=settings, objective="length", warm=False)
 
 
 def _landmark(prepared: Prepared, job: Job, name: PlannerName) -> tuple[Answer, Graph]:
-    limit, peak = job["time_limit"], MemoryPeak()
-    best: list[PlanProgress] = []
-
-    def on_progress(progress: PlanProgress) -> None:
-        peak.measure()
-        if progress.elapsed <= _latest(limit):
-            best[:] = [progress]
-
-    checker = CountingChecker(prepared.checker)
-    begin = perf_counter()
-    planner = _landmark_planner(prepared, checker, name, job["seed"])
+    limit, memory, begin = job["time_limit"], _resident_memory(), perf_counter()
+    planner = _landmark_planner(prepared, name, job["seed"])
     before = perf_counter() - begin
-    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress)
-    time = perf_counter() - begin
-    path, status = result.path, _LANDMARK[result.status]
+    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3))
+    time, path, status = perf_counter() - begin, result.path, _LANDMARK[result.status]
     if result.status == "timeout" and result.nearest is not None and len(result.nearest) > 1:
         path, status = result.nearest, Status.APPROXIMATE_SOLUTION
-    elif path is not None and time > _latest(limit) and best and best[0].path is not None:
-        path = best[0].path  # the one it had in time
     curve = [(t + before, cost) for t, cost in result.history]
-    answer = _answer(prepared, status, time, curve, path, checker.checked, peak)
-    return answer, lambda: (result.landmarks, result.edges)
+    return _answer(prepared, status, time, curve, path, memory), lambda: (result.landmarks, result.edges)
 
 
 def _own(prepared: Prepared, job: Job) -> Generator[Answer, None, Answer]:
@@ -241,12 +215,8 @@ def _own(prepared: Prepared, job: Job) -> Generator[Answer, None, Answer]:
     ``prepare`` takes ``prepared`` too, which is what ``prepare(checker)`` has returned: that is set-up, before the
     clock starts, as the checker's is.
     """
-    module, _, function = job["planner"].partition(":")
-    # Last, so that no file of the user's takes a library's place.
-    sys.path.append(os.getcwd())  # noqa: PTH109  # sys.path holds strings
-    plan = getattr(importlib.import_module(module), function)
-    checker, peak = CountingChecker(prepared.checker), MemoryPeak()
-    reported: list[tuple[float, Path]] = []
+    plan = load_function(job["planner"])
+    memory, reported = _resident_memory(), list[tuple[float, Path]]()
 
     def add(now: float, states: ArrayLike) -> None:
         path = prepared.problem.path(states)
@@ -260,11 +230,11 @@ def _own(prepared: Prepared, job: Job) -> Generator[Answer, None, Answer]:
     limit, begin = job["time_limit"], perf_counter()
     if hasattr(plan, "prepare"):
         yield {WAIT: PREPARING}
-        options["prepared"] = plan.prepare(checker)
+        options["prepared"] = plan.prepare(prepared.checker)
         yield {WAIT: 0.0}
     setup_time = prepared.setup_time + perf_counter() - begin
     begin = perf_counter()
-    found = plan(checker, *prepared.ends, limit, job["seed"], **options)
+    found = plan(prepared.checker, *prepared.ends, limit, job["seed"], **options)
     time = perf_counter() - begin
     in_time = [path for t, path in reported if t <= _latest(limit)]
     if found is not None and (time <= _latest(limit) or not in_time):
@@ -273,8 +243,7 @@ def _own(prepared: Prepared, job: Job) -> Generator[Answer, None, Answer]:
     else:
         path = in_time[-1] if in_time else None
     status = Status.TIMEOUT if path is None else Status.EXACT_SOLUTION
-    curve = [(t, each.cost) for t, each in reported]
-    answer = _answer(prepared, status, time, curve, path, checker.checked, peak)
+    answer = _answer(prepared, status, time, [(t, each.cost) for t, each in reported], path, memory)
     # Else it is the problem's own, as for other planners.
     return (answer | {"setup_time": setup_time}) if "prepared" in options else answer
 
@@ -285,11 +254,9 @@ def _answer(
     time: float,
     curve: list[tuple[float, float]],
     path: Path | None,
-    checked: tuple[int, int | None],
-    peak: MemoryPeak,
+    memory: float,
 ) -> Answer:
-    """Return what was found, as fields of a RunRecord; how far the path ends from the goal is measured anew."""
-    peak.measure()
+    """Return what was found, as fields of a RunRecord; ``memory`` is what the process held when planning began."""
     steering, solved, difference = prepared.problem.steering, status == Status.EXACT_SOLUTION, None
     if path is not None:
         between = se2.distance if steering is None else steering.lengths
@@ -302,9 +269,7 @@ def _answer(
         "time": time,
         "curve": curve,
         "path": None if path is None else _states(path),
-        "states_checked": checked[0],
-        "motions_checked": checked[1],
-        "memory": peak.highest,
+        "memory": max(0.0, _resident_memory(peak=True) - memory),
     }
 
 
@@ -342,77 +307,10 @@ def _simplified(prepared: Prepared, path: list[list[float]]) -> Answer:
     }
 
 
-class CountingChecker(StateChecker):
-    """A checker that counts the states and motions asked for; not those of compiled code that shortens a path.
-
-    A motion that the field leaves open, and that is asked for again, counts twice.
-    """
-
-    def __init__(self, checker: StateChecker) -> None:
-        vars(self).update(vars(checker))
-        self._states = self._motions = 0
-
-    @property
-    def checked(self) -> tuple[int, int | None]:
-        """How many states and motions; a car's curves are checked within compiled code."""
-        return self._states, self._motions if self.robot.turning_radius is None else None
-
-    def clearance(self, q: Any, **options: Any) -> Any:
-        """Count, and answer."""
-        self._states += np.size(q) // 3
-        return super().clearance(q, **options)
-
-    def motions_free(self, a: se2.FloatArray, b: se2.FloatArray) -> Any:
-        """Count, and answer."""
-        self._motions += len(a)
-        return super().motions_free(a, b)
-
-    def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> Any:
-        """Count, and answer."""
-        self._motions += len(a)
-        return super().motions_by_field(a, b)
-
-    def states_free(self, q: se2.FloatArray) -> Any:
-        """Count, and answer."""
-        self._states += len(q)
-        return super().states_free(q)
-
-
-class MemoryPeak:
-    """The largest heap in use at any measurement above that at the beginning; a forked process shares other pages.
-
-    Attributes:
-        highest: MB.
-    """
-
-    def __init__(self) -> None:
-        self._begin, self.highest = _heap_in_use(), 0.0
-
-    def measure(self) -> None:
-        """Take note of the heap in use now."""
-        self.highest = max(self.highest, _heap_in_use() - self._begin)
-
-
-def _heap_in_use() -> float:
-    """Return the MB that ``malloc`` has handed out in all arenas; what OMPL, numpy and Python's larger objects hold."""
-    info = _mallinfo()()
-    return float(info.uordblks + info.hblkhd) / 2.0**20
-
-
-class _Information(ctypes.Structure):
-    """``struct mallinfo2`` of malloc.h."""
-
-    _fields_ = tuple(
-        (name, ctypes.c_size_t)
-        for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()  # noqa: SIM905  # as there
-    )
-
-
-@lru_cache(maxsize=1)
-def _mallinfo() -> Any:
-    try:
-        function = ctypes.CDLL(None).mallinfo2
-    except AttributeError:  # glibc before 2.33, other C libraries: nothing is counted
-        return _Information
-    function.restype = _Information
-    return function
+def _resident_memory(*, peak: bool = False) -> float:
+    """Return the MB of main memory that this process holds, or has held at most since it was asked without ``peak``."""
+    if not peak:
+        with suppress(OSError):  # a kernel without it: the peak is then that of the process's whole life
+            FilePath("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    words = FilePath("/proc/self/status").read_text(encoding="ascii").split()
+    return float(words[words.index("VmHWM:" if peak else "VmRSS:") + 1]) / 1024.0

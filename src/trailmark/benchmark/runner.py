@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import itertools
 import platform
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from time import perf_counter
+from typing import Any, NamedTuple
 
-from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
+from trailmark.benchmark.environment import cpu_name, source_digest, versions
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.native import native_versions
-from trailmark.benchmark.planners import OWN, Resolution, resolution_of, settings_of
+from trailmark.benchmark.planners import OWN_SPACING, native_peer, settings_of, spacing_of
 from trailmark.benchmark.problems import Job, Problem
 from trailmark.benchmark.record import RunRecord
 from trailmark.benchmark.store import Store
@@ -38,7 +38,7 @@ class Tally:
         done: of them in the database, those of earlier calls included.
         made: of them by this call of :meth:`Benchmark.run`.
         failed: of these, how many have no correct solution.
-        latest: planner and problem of the run that came in last.
+        latest: planner of the run that came in last.
         left: seconds until the end, estimated from the runs so far; None before the first.
     """
 
@@ -50,16 +50,15 @@ class Tally:
     left: float | None = None
 
 
-@dataclass
-class _Run:
-    """A run to be made: its place in the database, and what its job is made of."""
+class _Run(NamedTuple):
+    """A run to be made: its place in the database, what its job is made of, and how often it was handed out."""
 
     experiment: int
     planner: int
     problem: Problem
     name: str
     seed: int
-    tries: int = 0
+    tries: int = 1
 
 
 @dataclass
@@ -73,8 +72,7 @@ class Benchmark:
         time_limit: seconds a run.
         memory_limit: MB a run.
         seed: of the first run; the next ones count up.
-        resolution: of the discrete baseline; None is each
-            planner's own, at which refusals are rare.
+        resolution: metres, of the discrete baseline; None is each planner's own, at which refusals are rare.
     """
 
     problems: Sequence[Problem]
@@ -83,8 +81,7 @@ class Benchmark:
     time_limit: float
     memory_limit: float
     seed: int = 0
-    resolution: Resolution | None = None
-    _spent: dict[str, list[float]] = field(default_factory=dict, repr=False)
+    resolution: float | None = None
     _last: tuple[str, str] = field(default=("", ""), repr=False)
 
     def run(self, store: Store, pool: Pool, on_progress: Callable[[Tally], None] = lambda tally: None) -> Tally:
@@ -98,21 +95,21 @@ class Benchmark:
         """
         missing, tally = self._missing(store)
         pending: dict[Future[dict[str, Any]], _Run] = {}
+        begin = perf_counter()
         on_progress(tally)
         try:
             while missing or pending:
                 while missing and len(pending) < 2 * pool.slots():
                     run = missing.popleft()
-                    run.tries += 1
                     pending[pool.executor.submit(run_job, self._job(run))] = run
                 done, _ = wait(pending, timeout=REPORT_PERIOD, return_when=FIRST_COMPLETED)
                 for future in done:
                     if not self._store_result(store, future, pending[future], tally):
-                        missing.append(pending[future])
+                        missing.append(pending[future]._replace(tries=pending[future].tries + 1))
                     # Only now: an interrupt before leaves it to be stored below.
                     del pending[future]
-                waiting = Counter(run.name for run in itertools.chain(missing, pending.values()))
-                tally.left = self._time_left(waiting, pool.slots())
+                if tally.made:
+                    tally.left = (perf_counter() - begin) / tally.made * (tally.total - tally.done)
                 on_progress(tally)
         except BaseException:
             for future, run in pending.items():
@@ -126,16 +123,16 @@ class Benchmark:
         """Return the runs to be made, problem by problem, and in each seed by seed through all planners."""
         planners = {name: store.planner(name, settings_of(name)) for name in self.planners}
         missing: deque[_Run] = deque()
-        tally = Tally(total=len(self.problems) * len(planners) * self.runs)
+        total = len(self.problems) * len(planners) * self.runs
         for problem in self.problems:
             experiment = self._experiment(store, problem)
             finished = store.finished(experiment)
-            for seed, name in itertools.product(range(self.seed, self.seed + self.runs), planners):
-                if (planners[name], seed) in finished:
-                    tally.done += 1
-                else:
-                    missing.append(_Run(experiment, planners[name], problem, name, seed))
-        return missing, tally
+            missing.extend(
+                _Run(experiment, planners[name], problem, name, seed)
+                for seed, name in itertools.product(range(self.seed, self.seed + self.runs), planners)
+                if (planners[name], seed) not in finished
+            )
+        return missing, Tally(total, done=total - len(missing))
 
     def _job(self, run: _Run) -> Job:
         problem = run.problem
@@ -147,29 +144,29 @@ class Benchmark:
             "seed": run.seed,
             "time_limit": self.time_limit,
             "memory_limit": self.memory_limit,
-            "resolution": (self.resolution or resolution_of(run.name)).metres(problem.robot),
+            "resolution": self.resolution or spacing_of(run.name, problem.robot),
         }
 
     def _experiment(self, store: Store, problem: Problem) -> int:
-        robot, query = problem.robot, problem.query
-        found, cpu = versions() | native_versions(), cpu_name()
+        peer, cpu = native_peer(), cpu_name()
+        found = versions() | (peer.native_versions() if peer is not None else {})
         return store.experiment(
             identity={
                 "problem": problem.key,
                 "objective": problem.objective,
-                "resolution": OWN if self.resolution is None else self.resolution.metres(robot),
+                "resolution": self.resolution or OWN_SPACING,
                 "time_limit": self.time_limit,
                 "memory_limit": self.memory_limit,
             },
             conditions={**found, "processor": cpu},
             facts={
                 "world": problem.world.name,
-                "query": query.name,
-                "start": list(query.start),
-                "goal": list(query.pose()),
-                "robot": robot.describe(),
+                "query": problem.query.name,
+                "start": list(problem.query.start),
+                "goal": list(problem.query.pose()),
+                "robot": problem.robot.describe(),
                 "text": problem.text,
-                "system": system(),
+                "system": platform.platform(),
                 "source": source_digest(),
                 "isolation": "a process of its own for each run, forked from a warm one; its start is no one's time",
             },
@@ -201,11 +198,4 @@ class Benchmark:
             tally.made += 1
             tally.failed += not record.correct_solution
             tally.latest = run.name
-            parts = (record.time, record.simplification_time, record.overhead)
-            self._spent.setdefault(run.name, []).append(sum(part or 0.0 for part in parts))
         return True
-
-    def _time_left(self, waiting: Counter[str], slots: int) -> float:
-        """Return the seconds that the waiting runs will take, from what the planners' runs took so far."""
-        means = {name: sum(spent) / len(spent) for name, spent in self._spent.items()}
-        return sum(n * means.get(name, self.time_limit) for name, n in waiting.items()) / max(1, slots)

@@ -13,7 +13,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -23,7 +23,7 @@ from trailmark.benchmark.record import MEASURED, RunRecord, Status
 from trailmark.errors import OutputError
 from trailmark.formats.files import check_writable
 
-__all__ = ["APPLICATION", "DDL", "ENUMS", "VERSION", "Store"]
+__all__ = ["APPLICATION", "BUSY", "DDL", "ENUMS", "VERSION", "Store", "check_schema", "errors_in_one_line"]
 
 BUSY = 5.0
 """Seconds to wait for another program that has the database locked for a moment."""
@@ -120,20 +120,19 @@ class Store:
         Raises:
             StoreError: the one that is there was run under other conditions.
         """
-        parts = {"identity": dict(identity), "conditions": dict(conditions), "facts": dict(facts)}
-        text = json.dumps(parts, sort_keys=True)
-        wanted = json.dumps(parts["identity"], sort_keys=True)
+        wanted = json.dumps(dict(identity), sort_keys=True)
+        setup = json.dumps({"identity": identity, "conditions": conditions, "facts": facts}, sort_keys=True)
         with self._errors_in_one_line(), self._transaction():
             # Of hundreds of experiments, each with a world's text, only the one that can be it is decoded.
             alike = self._db.execute("SELECT id, setup, runcount FROM experiments WHERE instr(setup, ?)", (wanted,))
-            for row, setup, runs in alike.fetchall():
-                there = json.loads(setup)
+            for row, text, runs in alike.fetchall():
+                there = json.loads(text)
                 if there["identity"] == json.loads(wanted):
                     self._require_same(there["conditions"], conditions)
                     most = max(runs, columns["runcount"])
                     self._db.execute("UPDATE experiments SET runcount = ? WHERE id = ?", (most, row))
                     return int(row)
-            made = {**columns, "seed": str(columns["seed"]), "totaltime": 0.0, "setup": text}
+            made = {**columns, "seed": str(columns["seed"]), "totaltime": 0.0, "setup": setup}
             marks = ", ".join(f":{name}" for name in made)
             done = self._db.execute(f"INSERT INTO experiments ({', '.join(made)}) VALUES ({marks})", made)  # noqa: S608  # names of our own columns
             return int(done.lastrowid or 0)
@@ -185,24 +184,13 @@ class Store:
         self._db.execute("PRAGMA foreign_keys = ON")
         # EXTRA: also after a loss of power, what was committed is there.
         self._db.execute("PRAGMA synchronous = EXTRA")
-        application, version = (
-            self._db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
-        )
-        tables = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
-        if (application, version, tables) == (0, 0, 0):
+        if not check_schema(self._db, self.path):
             with self._transaction():
                 for statement in DDL:
                     self._db.execute(statement)
                 self._db.executemany("INSERT INTO enums VALUES (?, ?, ?)", ENUMS)
                 self._db.execute(f"PRAGMA application_id = {APPLICATION}")
                 self._db.execute(f"PRAGMA user_version = {VERSION}")
-        elif application != APPLICATION:
-            raise StoreError(
-                f"{self.path}: an SQLite database that trailmark benchmark did not write; expected one "
-                "that it wrote, or a new file"
-            )
-        elif version != VERSION:
-            raise StoreError(f"{self.path}: expected schema version {VERSION} or a new file, got version {version}")
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -214,19 +202,35 @@ class Store:
             raise
         self._db.execute("COMMIT")
 
-    @contextmanager
-    def _errors_in_one_line(self) -> Iterator[None]:
-        """Report SQLite's errors in one line."""
-        try:
-            yield
-        except (TypeError, ValueError) as error:
-            raise StoreError(f"{self.path}: a cell holds what its column does not: {error}") from None
-        except sqlite3.Error as error:
-            hints = {"database is locked": "locked by another program", "file is not a database": "no SQLite database"}
-            problem = hints.get(str(error), str(error))
-            raise StoreError(
-                f"{self.path}: {problem}; expected a database of trailmark benchmark, or a new file"
-            ) from None
+    def _errors_in_one_line(self) -> AbstractContextManager[None]:
+        return errors_in_one_line(self.path, "expected a database of trailmark benchmark, or a new file")
+
+
+def check_schema(db: sqlite3.Connection, path: Path) -> bool:
+    """Return whether a database holds anything; raise StoreError if that is not what is written here."""
+    application, version = (db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
+    tables = db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+    if (application, version, tables) == (0, 0, 0):
+        return False
+    if application != APPLICATION:
+        raise StoreError(
+            f"{path}: an SQLite database that trailmark benchmark did not write; expected one that it wrote"
+        )
+    if version != VERSION:
+        raise StoreError(f"{path}: expected schema version {VERSION}, got version {version}")
+    return True
+
+
+@contextmanager
+def errors_in_one_line(path: Path, expected: str) -> Iterator[None]:
+    """Report errors of SQLite, and of cells of another kind, in one line."""
+    try:
+        yield
+    except (TypeError, ValueError, OverflowError) as error:
+        raise StoreError(f"{path}: a cell holds what its column does not: {error}; {expected}") from None
+    except sqlite3.Error as error:
+        hints = {"database is locked": "locked by another program", "file is not a database": "no SQLite database"}
+        raise StoreError(f"{path}: {hints.get(str(error), str(error))}; {expected}") from None
 
 
 def _locked(path: Path) -> int:

@@ -15,7 +15,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -131,23 +131,24 @@ class Worker:
         """Return a job's answer, as fields of a :class:`~trailmark.benchmark.record.RunRecord`.
 
         Raises:
-            WorkerError: the host died over it, twice, or does not start.
+            ConnectionResetError: the host died over it.
+            WorkerError: it does not start, or the worker was stopped.
         """
-        for _ in range(2):
-            self._start()
-            assert self._jobs is not None  # noqa: S101  # just started
-            begin = perf_counter()
-            try:
-                self._jobs.send(job)
-                answer: Answer = self._answers.recv()
-            except (OSError, EOFError):
-                self._end()
-                continue
-            record = RunRecord.from_json(answer)
-            spent = (record.time or 0.0) + (record.simplification_time or 0.0) + float(answer["preparing"])
-            record.overhead = max(0.0, perf_counter() - begin - spent)
-            return record.to_json()
-        raise WorkerError(f"planner {job['planner']}, seed {job['seed']}: the worker process died over it twice")
+        self._start()
+        assert self._jobs is not None  # noqa: S101  # just started
+        begin = perf_counter()
+        try:
+            self._jobs.send(job)
+            answer: Answer = self._answers.recv()
+        except (OSError, EOFError):
+            self._end()
+            if self._stopped:
+                raise WorkerError("the worker was stopped") from None
+            raise ConnectionResetError("the worker process died") from None
+        record = RunRecord.from_json(answer)
+        spent = (record.time or 0.0) + (record.simplification_time or 0.0) + float(answer["preparing"])
+        record.overhead = max(0.0, perf_counter() - begin - spent)
+        return record.to_json()
 
     def stop(self) -> None:
         """End the process and the run under way, for good."""
@@ -167,10 +168,10 @@ class Worker:
             process.wait()
 
     def _start(self) -> None:
-        if self._stopped:
-            raise WorkerError("the worker was stopped")
         if self._process is not None and self._process.poll() is None:
             return
+        if self._stopped:
+            raise WorkerError("the worker was stopped")
         self._end()
         (theirs, self._jobs), (self._answers, replies) = (multiprocessing.Pipe(duplex=False) for _ in range(2))
         ends = theirs.fileno(), replies.fileno()
@@ -186,18 +187,17 @@ class Worker:
                 start_new_session=True,  # Ctrl-C is for us, not for it
             )
             replies.close()  # else its end would not be seen
-            try:
+            ready = False
+            with suppress(OSError, EOFError):
                 ready = self._answers.poll(START_LIMIT) and self._answers.recv() == "ready"
-            except (OSError, EOFError):
-                ready = False
-            if not ready:
-                self._end()
-                printed.seek(0)
-                lines = printed.read().decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
-                raise WorkerError(
-                    f"a worker process does not start: {lines[0][:300]}; expected an environment in which "
-                    f"'{sys.executable} -m trailmark.benchmark.host' runs"
-                )
+            printed.seek(0)
+            lines = printed.read().decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
         if self._stopped:  # meanwhile
             self._end()
             raise WorkerError("the worker was stopped")
+        if not ready:
+            self._end()
+            raise WorkerError(
+                f"a worker process does not start: {lines[0][:300]}; expected an environment in which "
+                f"'{sys.executable} -m trailmark.benchmark.host' runs"
+            )

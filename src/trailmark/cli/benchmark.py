@@ -13,9 +13,9 @@ from trailmark.cli import console, options
 from trailmark.cli.options import UsageError, argument, flag, option
 
 if TYPE_CHECKING:
-    from trailmark.benchmark.planners import Resolution
     from trailmark.benchmark.problems import Problem
     from trailmark.benchmark.public.base import PublicSuite
+    from trailmark.benchmark.results import Results
     from trailmark.benchmark.runner import Benchmark, Tally
     from trailmark.benchmark.suites import Suite
     from trailmark.world import Robot, World
@@ -27,12 +27,6 @@ MANY, MEGABYTES = options.Count(low=1, high=1_000_000), options.Count("MB", low=
 
 Public = tuple["PublicSuite", Path]
 """A public suite and the folder with its files."""
-
-
-def _resolution(text: str) -> Resolution:
-    from trailmark.benchmark.planners import Resolution
-
-    return Resolution.parse(text)
 
 
 def benchmark(
@@ -89,11 +83,11 @@ def benchmark(
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
     resolution: Annotated[
-        Any,
+        float | None,
         option(
-            options.Kind("METRES|PERCENT%", read=_resolution),
-            "Spacing of the states that OMPL's discrete motion validation checks, in metres or as a share of the "
-            "robot's inscribed radius; default: 10%, native planners 5%.",
+            options.METRES,
+            "Spacing of the states that OMPL's discrete motion validation checks; default: 10 % of the robot's "
+            "inscribed radius, native planners 5 %.",
             group="Robot",
         ),
     ] = None,
@@ -168,7 +162,7 @@ def _run(plan: Benchmark, store: Any, pool: Any, file: Path) -> Tally:
 
 
 def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) -> None:
-    from trailmark.benchmark.results import failure_lines, load_results, summary_rows
+    from trailmark.benchmark.results import load_results
 
     if as_json:
         record = {"database": str(file), "runs": tally.total, "made": tally.made, "without_solution": tally.failed}
@@ -177,11 +171,17 @@ def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) 
     before = tally.total - tally.made
     there = f", {before:,} already there" if before else ""
     console.say(f"{tally.made:,} runs made, {tally.failed:,} of them without a correct solution{there}")
-    results = load_results(file)
-    console.print_table(summary_rows(results, planners), indent="  ")
-    for line in failure_lines(results, planners):
-        console.say(line)
+    print_results(load_results(file), planners)
     console.say(f"written: {file}")
+
+
+def print_results(results: Results, planners: Sequence[str]) -> None:
+    """Print a row for each planner, and why its runs failed."""
+    from trailmark.benchmark.report import failures, summary
+
+    console.print_table(summary(results, planners), indent="  ")
+    for name, endings, reasons in failures(results, planners):
+        console.say(f"{name}: {endings}: {reasons}".removesuffix(": –"))
 
 
 class Wanted(NamedTuple):

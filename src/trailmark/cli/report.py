@@ -22,7 +22,8 @@ def report(
     Prints a table; --html writes a page. The benchmark may still be running.
     """
     options.protect_inputs([results], html)
-    from trailmark.benchmark.results import failure_lines, load_results, summary_rows
+    from trailmark.benchmark.results import load_results
+    from trailmark.cli.benchmark import print_results
 
     with console.progress("reading the results") as progress:
         found = load_results(results)
@@ -32,9 +33,7 @@ def report(
 
             progress.stage(f"writing {html.name}")
             write_atomically(html, html_report(found))
-    console.print_table(summary_rows(found, found.planners), indent="  ")
-    for line in failure_lines(found, found.planners):
-        console.say(line)
+    print_results(found, found.planners)
     if html is not None:
         counts = f"{len(found.problems):,} problems, {len(found.planners):,} planners, {found.runs:,} runs"
         console.say(f"written: {html} ({counts})")

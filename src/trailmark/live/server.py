@@ -200,10 +200,7 @@ def refusal(headers: Mapping[str, str], token: str | None, given: str | None) ->
     return None
 
 
-SCRIPTS = (
-    *("geometry.js", "view.js", "scene.js", "files.js", "page.js", "link.js", "plans.js", "driving.js"),
-    *("drawing.js", "pointer.js", "selection.js", "controls.js"),
-)
+SCRIPTS = "geometry.js", "view.js", "scene.js", "link.js", "page.js"
 """In the order in which they build on each other."""
 
 

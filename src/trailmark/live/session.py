@@ -15,7 +15,6 @@ from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.live.messages import Message
 from trailmark.world import World
-from trailmark.world.goals import Query
 from trailmark.world.robot import Robot
 
 if TYPE_CHECKING:
@@ -199,7 +198,7 @@ class Session:
             replanned = planner.replan(query.start, query.goal, self._path, seconds, escape=True)
             extras, result = {"kept": replanned.kept}, replanned
         else:
-            better = _BetterPaths(lambda progress: self._tell(self._progress(message, planner, query, progress)))
+            better = _BetterPaths(lambda progress, first: self._tell(self._progress(message, progress, first)))
             result = planner.plan(query.start, query.goal, seconds, stop=stop.is_set, on_progress=better.look)
         self._path = result.path
         self._tell({"type": "path", "id": message.id, "final": True, **self._record(result), **extras})
@@ -219,38 +218,40 @@ class Session:
             record["nearest"] = result.nearest.states.tolist()
         return record
 
-    def _progress(self, message: Message, planner: LandmarkPlanner, query: Query, state: PlanProgress) -> Answer:
-        """Return the record of a path that may yet get better."""
+    def _progress(self, message: Message, state: PlanProgress, first: float) -> Answer:
+        """Return the record of a path that may yet get better; the first one came after so many seconds."""
         from trailmark.planning import PlanResult
 
         result = PlanResult(
             status="solved",
             path=state.path,
-            seed=planner.seed,
+            seed=self.planner.seed,
             lower_bound=None,
             first_cost=None,
             min_clearance=None,
             landmarks=state.landmarks,
             edges=0,
-            time={"load": 0.0, "build": 0.0, "first_solution": state.elapsed, "total": state.elapsed},
-            clearance=planner.checker.robot.clearance,
+            time={"load": 0.0, "build": 0.0, "first_solution": first, "total": state.elapsed},
+            clearance=self.planner.checker.robot.clearance,
         )
         record = self._record(result)
         return {"type": "path", "id": message.id, "final": False, **record, "cost": state.cost}
 
 
 class _BetterPaths:
-    """Passes on the progress that shows a better path."""
+    """Passes on the progress that shows a better path, with the seconds to the first one."""
 
-    def __init__(self, tell: Callable[[PlanProgress], None]) -> None:
+    def __init__(self, tell: Callable[[PlanProgress, float], None]) -> None:
         self._tell, self._cost, self._told = tell, float("inf"), -float("inf")
+        self._first: float | None = None
 
     def look(self, state: PlanProgress) -> None:
         if state.path is None or state.cost is None or state.cost > (1.0 - BETTER) * self._cost:
             return
+        self._first = state.elapsed if self._first is None else self._first
         if perf_counter() - self._told >= BETWEEN:
             self._cost, self._told = state.cost, perf_counter()
-            self._tell(state)
+            self._tell(state, self._first)
 
 
 def _named(world: World) -> World:

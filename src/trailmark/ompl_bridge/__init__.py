@@ -16,8 +16,7 @@ from trailmark.ompl_bridge.errors import (
     SpaceError,
 )
 from trailmark.ompl_bridge.guard import planning, solve
-from trailmark.ompl_bridge.landmark_source import LandmarkSource
-from trailmark.ompl_bridge.mixture import Mixture
+from trailmark.ompl_bridge.landmark_stream import LandmarkSource
 from trailmark.ompl_bridge.objective import PathObjective
 from trailmark.ompl_bridge.planner import OmplLandmarkPlanner
 from trailmark.ompl_bridge.planners import planner_named, planner_names
@@ -31,7 +30,6 @@ __all__ = [
     "LandmarkError",
     "LandmarkSource",
     "LandmarkValidStateSampler",
-    "Mixture",
     "MotionValidator",
     "ObjectiveError",
     "OmplLandmarkPlanner",

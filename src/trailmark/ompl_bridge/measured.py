@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import inf, isfinite
+from math import isfinite
 from time import perf_counter
 from typing import Any
 
@@ -56,7 +56,6 @@ class Measurement:
         time: until the planner was done.
         path: the path returned, exact or not; None without one.
         exact: whether it reaches the goal, by the planner's word.
-        difference: distance from its end to the goal, by the planner's word.
         curve: (time, cost) of each better exact solution.
         states_checked: calls of the validity checker; for OMPL's discrete validator also those along motions.
         motions_checked: motions checked.
@@ -66,7 +65,6 @@ class Measurement:
     time: float
     path: Path | None
     exact: bool
-    difference: float | None
     curve: list[tuple[float, float]]
     states_checked: int
     motions_checked: int
@@ -89,8 +87,6 @@ def measure(
     limit: float,
     *,
     parameters: Mapping[str, str] | None = None,
-    on_step: Callable[[], None] | None = None,
-    first: bool = False,
 ) -> Measurement:
     """Run a planner on a problem, whose objective becomes the length of the path.
 
@@ -99,26 +95,23 @@ def measure(
         name: of one of OMPL's planners.
         limit: seconds.
         parameters: of the planner, by OMPL's names; the others keep their defaults.
-        on_step: called now and then while it plans.
-        first: whether the first exact solution ends the run, by OMPL's cost threshold, which AORRTC alone ignores.
 
     Raises:
         PlannerNameError: the installed OMPL has no planner of that name, or it has no such parameter.
     """
-    monitor = _Monitor(on_step)
+    monitor = _Monitor()
     _monitor_checks(problem, monitor)
-    objective = ob.PathLengthOptimizationObjective(problem.information)
-    if first:
-        objective.setCostThreshold(ob.Cost(inf))
-    problem.setup.setOptimizationObjective(objective)
+    problem.setup.setOptimizationObjective(ob.PathLengthOptimizationObjective(problem.information))
     monitor.begin = begin = perf_counter()
     planner = problem.set_planner(name)
     if parameters:
         set_parameters(type(planner).__name__, parameters)(planner)
     problem.setup.setup()
     monitor.cost = getattr(planner, "bestCost", None)
-    solve = _in_slices if name in SLICED else _at_once
-    status = solve(problem, planner, monitor, limit)
+    if name in SLICED:
+        status = _in_slices(problem, planner, monitor, limit)
+    else:
+        status = _solve(planner, limit - (perf_counter() - begin))
     time = perf_counter() - begin
     monitor.cost = None  # Else planner, checker and monitor would keep one another alive.
     return _measurement(problem, monitor, status, time)
@@ -160,7 +153,6 @@ def simplify(problem: SE2Problem, path: Path, limit: float) -> tuple[Path, float
 class _Monitor:
     """Reads the planner's best cost while it plans."""
 
-    on_step: Callable[[], None] | None
     begin: float = 0.0
     cost: Callable[[], Any] | None = None
     curve: list[tuple[float, float]] = field(default_factory=list)
@@ -172,8 +164,6 @@ class _Monitor:
         if now < self._next:
             return
         self._next = now + READING_PERIOD
-        if self.on_step is not None:
-            self.on_step()
         if self.cost is not None:
             self.add(now - self.begin, float(self.cost().value()))
 
@@ -185,9 +175,7 @@ class _Monitor:
 
 
 class _MonitoredChecker(StateValidityChecker):
-    def __init__(self, problem: SE2Problem, monitor: _Monitor) -> None:
-        super().__init__(problem.information, problem.checker)
-        self.monitor = monitor
+    monitor: _Monitor
 
     def isValid(self, state: Any) -> bool:  # noqa: N802  # OMPL's name
         valid = super().isValid(state)
@@ -197,9 +185,7 @@ class _MonitoredChecker(StateValidityChecker):
 
 
 class _MonitoredValidator(MotionValidator):
-    def __init__(self, problem: SE2Problem, monitor: _Monitor) -> None:
-        super().__init__(problem.information, problem.checker)
-        self.monitor = monitor
+    monitor: _Monitor
 
     def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802  # OMPL's name
         valid = super().checkMotion(first, second)
@@ -209,16 +195,13 @@ class _MonitoredValidator(MotionValidator):
 
 
 def _monitor_checks(problem: SE2Problem, monitor: _Monitor) -> None:
-    problem.validity = _MonitoredChecker(problem, monitor)
-    problem.setup.setStateValidityChecker(problem.validity)
+    problem.validity = checker = _MonitoredChecker(problem.information, problem.checker)
+    checker.monitor = monitor
+    problem.setup.setStateValidityChecker(checker)
     if problem.motions is not None:
-        problem.motions = _MonitoredValidator(problem, monitor)
-        problem.information.setMotionValidator(problem.motions)
-
-
-def _at_once(problem: SE2Problem, planner: Any, monitor: _Monitor, limit: float) -> Any:
-    """Solve once, for the time left."""
-    return _solve(planner, limit - (perf_counter() - monitor.begin))
+        problem.motions = validator = _MonitoredValidator(problem.information, problem.checker)
+        validator.monitor = monitor
+        problem.information.setMotionValidator(validator)
 
 
 def _in_slices(problem: SE2Problem, planner: Any, monitor: _Monitor, limit: float) -> Any:
@@ -244,13 +227,9 @@ def _in_slices(problem: SE2Problem, planner: Any, monitor: _Monitor, limit: floa
             # As long as it takes to report the path that expanding found.
             step = 1e-3
         status = _solve(planner, step)
-        if monitor.on_step is not None:
-            monitor.on_step()
         if definition.hasExactSolution():
             cost = float(definition.getSolutionPath().length())
             monitor.add(perf_counter() - monitor.begin, cost)
-            if definition.getOptimizationObjective().isSatisfied(ob.Cost(cost)):
-                return status
         if int(status.getStatus().value) in FINAL:
             return status
 
@@ -277,7 +256,6 @@ def _measurement(problem: SE2Problem, monitor: _Monitor, status: Any, time: floa
         time=time,
         path=path,
         exact=exact,
-        difference=None if path is None else max(0.0, float(definition.getSolutionDifference())),
         curve=monitor.curve,
         states_checked=problem.validity.checked,
         motions_checked=int(motions),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from copy import copy
 from math import isclose
 from time import perf_counter
@@ -105,7 +106,8 @@ class OmplLandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings 
         self._settings = PlannerSettings() if settings is None else one_of(settings, PlannerSettings, "settings:")
         self._planner: LandmarkPlanner | None = None
         self._charges = Objective()
-        self._work: _Work | None = None
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="trailmark-landmark")  # Python waits for it at its end
+        self._work: Future[PlanResult] | None = None
         self.result: PlanResult | None = None
 
     @property
@@ -149,8 +151,7 @@ class OmplLandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings 
             return ob.PlannerStatus(ob.PlannerStatus.ABORT)
 
     def _solve(self, condition: Any) -> Any:
-        status = ob.PlannerStatus
-        problem = self.getProblemDefinition()
+        problem, status = self.getProblemDefinition(), ob.PlannerStatus
         charges = _objective_of(problem)
         self._wait()
         if self._follows:
@@ -162,10 +163,10 @@ class OmplLandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings 
         starts = starts[self.checker.valid(starts)]
         if len(starts) == 0:
             return ob.PlannerStatus(status.INVALID_START)
-        ends = [goal] if goals is None else [each.pose for each in goals if self.checker.valid(np.array(each.pose))]
         if goals and goal is None:
             goal = np.array(goals[0].pose)  # that of a region
-        if goal is None or not ends or (goals is None and not self.checker.valid(goal)):
+        ends = goal if goals is None else np.array([each.pose for each in goals])
+        if goal is None or ends is None or not np.any(self.checker.valid(ends)):
             return ob.PlannerStatus(status.INVALID_GOAL)
         if self._planner is None or self._charges != charges:
             self._planner = LandmarkPlanner(
@@ -176,22 +177,20 @@ class OmplLandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings 
                 objective=charges,
             )
             self._charges = charges
-        self._work = work = _Work(self._planner, starts, goal if goals is None else goals)
+        query = _Query(self._planner, starts, goal if goals is None else goals)
+        self._work = work = self._thread.submit(query.run)
         try:
-            while not work.done.wait(POLL):
+            while not wait([work], POLL).done:
                 if condition():
-                    work.stop.set()
-                    work.done.wait(GRACE)
+                    query.stop.set()
+                    wait([work], GRACE)
                     break
         finally:
-            work.stop.set()
-        if work.error is not None:
-            raise work.error
-        self.result = work.result
-        last = work.last
+            query.stop.set()
+        self.result, last = work.result() if work.done() else None, query.last
         if last is not None and last.path is not None and self._offer(problem, last.path, goal, exact=True):
             return ob.PlannerStatus(status.EXACT_SOLUTION)
-        if work.result is not None and work.result.status == "infeasible":
+        if self.result is not None and self.result.status == "infeasible":
             return ob.PlannerStatus(status.INFEASIBLE)
         nearest = None if last is None else last.nearest
         if nearest is not None and len(nearest.states) > 1 and self._offer(problem, nearest, goal, exact=False):
@@ -218,44 +217,31 @@ class OmplLandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings 
     def _wait(self) -> None:
         """Wait for a query that was cut short, so that nothing changes the roadmap any more."""
         if self._work is not None:
-            self._work.join()
+            wait([self._work])
             self._work = None
 
 
-class _Work(threading.Thread):
-    """One query in a thread of its own, so that the termination condition can be called meanwhile."""
+class _Query:
+    """One query, in a thread of its own, so that the termination condition can be called meanwhile."""
 
     def __init__(self, planner: LandmarkPlanner, starts: se2.FloatArray, goal: Ends) -> None:
-        # Not a daemon: Python waits for it before the process ends, which a thread in compiled code would abort.
-        super().__init__(name="trailmark-landmark", daemon=False)
-        self.planner, self.starts, self.goal = planner, starts, goal
-        self.stop, self.done = threading.Event(), threading.Event()
+        self.planner, self.starts, self.goal, self.stop = planner, starts, goal, threading.Event()
         self.last: PlanProgress | None = None
-        self.result: PlanResult | None = None
-        self.error: BaseException | None = None
-        self.start()
 
-    def run(self) -> None:
-        try:
-            self.result = self._from_one(self.starts[0]) if len(self.starts) == 1 else self._from_several()
-        except BaseException as error:  # raised in the thread that waits
-            self.error = error
-        finally:
-            self.done.set()
-
-    def _from_one(self, start: se2.FloatArray, seconds: float = np.inf) -> PlanResult:
-        return self.planner.plan(
-            start, self.goal, time_limit=seconds, on_progress=self._on_progress, stop=self.stop.is_set
-        )
-
-    def _from_several(self) -> PlanResult:
+    def run(self) -> PlanResult:
         """Plan from each start in turns that get longer, until each start's answer is final; return the best one."""
+        seconds, pending = FIRST_TURN if len(self.starts) > 1 else np.inf, set(range(len(self.starts)))
         answers: dict[int, PlanResult] = {}
-        seconds, pending = FIRST_TURN, set(range(len(self.starts)))
         while pending:
             for i in sorted(pending):
                 begin = perf_counter()
-                answers[i] = found = self._from_one(self.starts[i], seconds)
+                answers[i] = found = self.planner.plan(
+                    self.starts[i],
+                    self.goal,
+                    time_limit=seconds,
+                    on_progress=self._on_progress,
+                    stop=self.stop.is_set,
+                )
                 # One that ends early has nothing left to try.
                 if found.status == "infeasible" or perf_counter() - begin < 0.5 * seconds or self.stop.is_set():
                     pending.discard(i)

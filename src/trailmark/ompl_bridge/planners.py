@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from ompl import base as ob
 from ompl import geometric as og
@@ -12,7 +12,7 @@ from ompl import geometric as og
 from trailmark.errors import expected_name
 from trailmark.ompl_bridge.errors import PlannerNameError
 
-__all__ = ["Parameter", "parameters_of", "planner_named", "planner_names", "set_parameters"]
+__all__ = ["parameters_of", "planner_named", "planner_names", "set_parameters"]
 
 OTHER_NAMES = {
     "AdmissibleCostToCome": "use_admissible_heuristic",
@@ -63,24 +63,8 @@ def planner_named(name: str, information: Any) -> Any:
     raise PlannerNameError(f"planner: {expected_name(name, names)}")
 
 
-class Parameter(NamedTuple):
-    """A parameter of a planner.
-
-    Attributes:
-        setter: the name of the method that sets it.
-        kind: of its values.
-    """
-
-    setter: str
-    kind: type
-
-
-def parameters_of(planner: str) -> dict[str, Parameter]:
-    """Return the parameters that the installed OMPL lets a planner be given, by name, sorted.
-
-    Args:
-        planner: one of :func:`~trailmark.ompl_bridge.planners.planner_names`.
-    """
+def parameters_of(planner: str) -> dict[str, tuple[str, type]]:
+    """Return the parameters that the installed OMPL lets a planner be given, by name: setter and kind of value."""
     found = {}
     kind = getattr(og, planner)
     for name in dir(kind):
@@ -89,7 +73,7 @@ def parameters_of(planner: str) -> dict[str, Parameter]:
             called = (
                 OTHER_NAMES.get(name[3:]) or re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=K)(?=Nearest)", "_", name[3:]).lower()
             )
-            found[called] = Parameter(name, {"float": float, "int": int, "bool": bool}[signature.group(1)])
+            found[called] = name, {"float": float, "int": int, "bool": bool}[signature.group(1)]
     return dict(sorted(found.items()))
 
 
@@ -108,7 +92,8 @@ def set_parameters(planner: str, given: Mapping[str, str]) -> Callable[[Any], No
     for name, text in given.items():
         if name not in known:
             raise PlannerNameError(f"planner {planner}: parameter: {expected_name(name, known)}")
-        calls.append((known[name].setter, _value(text, known[name].kind, f"planner {planner}: {name}")))
+        setter, kind = known[name]
+        calls.append((setter, _value(text, kind, f"planner {planner}: {name}")))
 
     def give(made: Any) -> None:
         for setter, value in calls:

@@ -18,8 +18,7 @@ from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.goals import is_one_state
 from trailmark.ompl_bridge.guard import caught, returns_on_error
-from trailmark.ompl_bridge.landmark_source import LandmarkSource
-from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, LandmarkStream, Mixture, Seed, warm_up_sampling
+from trailmark.ompl_bridge.landmark_stream import LandmarkSource, LandmarkStream, Seed, warm_up_sampling
 from trailmark.ompl_bridge.planners import planner_names
 from trailmark.ompl_bridge.spaces import require_within, space_of
 from trailmark.ompl_bridge.states import starts_and_goal, write_state
@@ -39,7 +38,7 @@ INFORMED = "it draws from an informed sampler of OMPL's own, whatever the space'
 
 
 class LandmarkValidStateSampler(ob.ValidStateSampler):  # type: ignore[misc]  # OMPL's bindings carry no types
-    """Valid states: landmarks, then some around, between them and anywhere; then more landmarks, and so on.
+    """Valid states: landmarks, then some around them and anywhere; then more landmarks, and so on.
 
     The share of uniform samples never ends, so what a planner finds with probability one as time goes on it still does.
     ``sample`` and ``sampleNear`` return only valid states.
@@ -47,30 +46,20 @@ class LandmarkValidStateSampler(ob.ValidStateSampler):  # type: ignore[misc]  # 
     Args:
         information: the ``SpaceInformation`` of an SE(2)-like space. It is not stored here.
         source: the landmarks; several samplers may share them.
-        mixture: what is drawn between the rounds of landmarks.
         seed: the same one gives the same states, if the source has a seed too.
-        tally: counts the states by where they come from (:data:`~trailmark.ompl_bridge.mixture.ORIGINS`).
 
     Attributes:
         stream: where the states come from.
 
     Raises:
         SpaceError: a space not made of x, y and heading.
-        ConfigurationError: a mixture with impossible shares.
     """
 
-    def __init__(
-        self,
-        information: Any,
-        source: LandmarkSource,
-        mixture: Mixture = ROADMAP_MIXTURE,
-        seed: Seed = None,
-        tally: list[int] | None = None,
-    ) -> None:
+    def __init__(self, information: Any, source: LandmarkSource, seed: Seed = None) -> None:
         space_of(information)
         super().__init__(information)
         self.setName("landmark")
-        self.stream = LandmarkStream(source, mixture, seed, tally=tally)
+        self.stream = LandmarkStream(source, seed)
         self._single = PointwiseChecker(source.checker)
 
     @returns_on_error(False)
@@ -101,18 +90,13 @@ class PluggedSampler:
         valid_states: the planners of the installed OMPL that draw valid states from the landmarks.
         cannot: the others, and why.
         source: the landmarks.
-        tally: how many states the planners got, by where they come from; see :attr:`handed`.
+        streams: of the planners' samplers, which count what they returned.
     """
 
     valid_states: tuple[str, ...]
     cannot: Mapping[str, str]
     source: LandmarkSource
-    tally: list[int] = field(default_factory=lambda: [0] * len(ORIGINS))
-
-    @property
-    def handed(self) -> dict[str, int]:
-        """How many states the planners have got, by where they come from."""
-        return dict(zip(ORIGINS, self.tally, strict=True))
+    streams: list[LandmarkStream] = field(default_factory=list)
 
     def __str__(self) -> str:
         lines = [f"valid states from landmarks: {', '.join(self.valid_states) or 'no planner'}"]
@@ -128,7 +112,6 @@ def plug_landmark_sampler(
     landmarks: ArrayLike | None = None,
     *,
     checker: StateChecker | None = None,
-    mixture: Mixture | None = None,
     seed: int | None = None,
 ) -> PluggedSampler:
     """Let OMPL's planners draw from landmarks, as many of them as the installed OMPL allows.
@@ -143,7 +126,6 @@ def plug_landmark_sampler(
             there are both, over all free space otherwise.
         checker: trailmark's checker; by default that of the ``StateValidityChecker`` in ``setup``. What is valid for
             it must be valid for ``setup`` too.
-        mixture: what is drawn after the landmarks; :data:`ROADMAP_MIXTURE` by default.
         seed: the same one makes the same landmarks and draws the same states, planner by planner.
 
     Returns:
@@ -153,24 +135,21 @@ def plug_landmark_sampler(
         SpaceError: a space not made of x, y and heading.
         BoundsError: a space that reaches beyond the world.
         LandmarkError: landmarks of another shape, not finite, not valid or out of bounds.
-        ConfigurationError: a mixture with impossible shares, a negative seed.
+        ConfigurationError: a negative seed.
         BridgeError: no checker given, and none of trailmark's in ``setup``.
     """
     information = setup.getSpaceInformation()
     space = space_of(information)
     checker = checker_in(setup) if checker is None else one_of(checker, StateChecker, "checker:")
     require_within(space, checker.world)
-    chosen = mixture or ROADMAP_MIXTURE
-    chosen.shares()  # raises now, not in the planner's time
     query = None if landmarks is not None else _query(setup.getProblemDefinition(), checker)
     bounds = space.getBounds()
     (xmin, ymin), (xmax, ymax) = bounds.low, bounds.high
     source = LandmarkSource(checker, landmarks, query=query, bounds=(xmin, ymin, xmax, ymax), seed=seed)
     names = planner_names()
-    cannot = {name: INFORMED if name in OWN_SAMPLERS else NOT_BOUND for name in names if name not in VALID_STATES}
     plugged = PluggedSampler(
         valid_states=tuple(name for name in names if name in VALID_STATES),
-        cannot=cannot,
+        cannot={name: INFORMED if name in OWN_SAMPLERS else NOT_BOUND for name in names if name not in VALID_STATES},
         source=source,
     )
     warm_up_sampling(kind_of(checker.robot))
@@ -179,10 +158,12 @@ def plug_landmark_sampler(
     # What OMPL stores refers to no OMPL object: a cycle through its C++ would never be freed.
     def allocate(owner: Any) -> Any:
         try:
-            return LandmarkValidStateSampler(owner, source, chosen, seeds.spawn(1)[0], plugged.tally)
+            made = LandmarkValidStateSampler(owner, source, seeds.spawn(1)[0])
+            plugged.streams.append(made.stream)
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
             return ob.UniformValidStateSampler(owner)
+        return made
 
     information.setValidStateSamplerAllocator(allocate)
     return plugged

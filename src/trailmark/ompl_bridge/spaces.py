@@ -13,14 +13,7 @@ from trailmark.ompl_bridge.errors import BoundsError, SpaceError
 from trailmark.ompl_bridge.states import state
 from trailmark.world import Robot, World
 
-__all__ = ["require_within", "se2_space", "space_for", "space_of", "steering_of"]
-
-
-def se2_space(world: World) -> Any:
-    """Return an ``SE2StateSpace`` with the world's bounds: where the robot's reference point may lie."""
-    space = ob.SE2StateSpace()
-    set_bounds(space, world)
-    return space
+__all__ = ["require_within", "set_bounds", "space_for", "space_of", "steering_of"]
 
 
 def space_for(world: World, robot: Robot) -> Any:
@@ -36,8 +29,9 @@ def space_for(world: World, robot: Robot) -> Any:
         raise ConfigurationError(f"robot: expected an omnidirectional one or a car in OMPL, got {robot.describe()}")
     steering = Steering.of(robot)
     if steering is None:
-        return se2_space(world)
-    space = (ob.ReedsSheppStateSpace if steering.reverse else ob.DubinsStateSpace)(steering.radius)
+        space = ob.SE2StateSpace()
+    else:
+        space = (ob.ReedsSheppStateSpace if steering.reverse else ob.DubinsStateSpace)(steering.radius)
     set_bounds(space, world)
     return space
 
@@ -53,20 +47,12 @@ def set_bounds(space: Any, world: World) -> None:
 
 
 def space_of(information: Any) -> Any:
-    """Return the state space of a ``SpaceInformation``.
+    """Return the state space of a ``SpaceInformation``, which is made of x, y and heading.
 
     Raises:
         SpaceError: it is not ``SE2StateSpace`` nor one of those derived from it (Dubins, Reeds-Shepp).
     """
-    return require_se2(one_of(information, ob.SpaceInformation, "information:", error=SpaceError).getStateSpace())
-
-
-def require_se2(space: Any) -> Any:
-    """Return a state space that is made of x, y and heading.
-
-    Raises:
-        SpaceError: it is not ``SE2StateSpace`` nor one of those derived from it (Dubins, Reeds-Shepp).
-    """
+    space = one_of(information, ob.SpaceInformation, "information:", error=SpaceError).getStateSpace()
     if not isinstance(space, ob.SE2StateSpace):
         raise SpaceError(
             "state space: expected SE2StateSpace, DubinsStateSpace or ReedsSheppStateSpace, "

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from trailmark.benchmark.errors import SuiteError
 from trailmark.world import Robot, World
@@ -17,14 +18,8 @@ __all__ = ["Found", "PublicSuite", "evenly", "files_below", "in_order"]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Found:
-    """What lies in a folder.
-
-    Attributes:
-        problems: each a file and a number within it; the problems of a file lie side by side.
-        left_out: lines that tell what is there but cannot be planned for, and why.
-    """
+class Found(NamedTuple):
+    """What lies in a folder: problems, each a file and a number within it, and lines that tell what is left out."""
 
     problems: Sequence[tuple[Path, int]]
     left_out: Sequence[str] = ()
@@ -65,13 +60,10 @@ class PublicSuite:
             return Path()
         if given is None:
             raise SuiteError(f"suite {self.name}: --data is missing; expected a folder with {self.expected}")
-        try:
-            there = Path(given).is_dir()
-        except OSError:  # no folder can have that name
-            there = False
-        if not there:
-            raise SuiteError(f"--data: expected a folder with {self.expected}, got {given!r}")
-        return Path(given)
+        with suppress(OSError):  # no folder can have that name
+            if Path(given).is_dir():
+                return Path(given)
+        raise SuiteError(f"--data: expected a folder with {self.expected}, got {given!r}")
 
     def worlds(self, folder: Path, found: Found, count: int | None, robot: Robot | None) -> Iterator[World]:
         """Yield worlds with ``count`` of the problems, spread evenly over all; with every one if it is None.

@@ -6,7 +6,7 @@ The same seed gives the same world.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -152,9 +152,9 @@ SPARE = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 """Metres by which a passage is wider than the robot."""
 
 
-def _grades(grades: Sequence[float]) -> Callable[[Path], Found]:
-    """Return what finds a problem for each world, each under a name of its own: no two are queries of one world."""
-    return lambda _: Found([(Path(str(seed)) / str(grade), seed) for grade in grades for seed in range(SEEDS)])
+def _grades(grades: Sequence[float]) -> Found:
+    """Return a problem for each world, each under a name of its own: no two are queries of one world."""
+    return Found([(Path(str(seed)) / str(grade), seed) for grade in grades for seed in range(SEEDS)])
 
 
 def _clutter(_: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
@@ -179,7 +179,7 @@ CLUTTERED = PublicSuite(
     published="",
     robot="rectangle of 2 x 1 m",
     expected="nothing",
-    find=_grades(CLUTTER),
+    find=lambda _: _grades(CLUTTER),
     world=_clutter,
 )
 """Whether there is a path, nobody says."""
@@ -190,7 +190,7 @@ PASSAGES = PublicSuite(
     published="",
     robot="rectangle of 1.2 x 0.6 m",
     expected="nothing",
-    find=_grades(SPARE),
+    find=lambda _: _grades(SPARE),
     world=_passages,
 )
 """There is always a path for the robot that they are made for."""

@@ -1,10 +1,10 @@
-"""nav2's planner benchmark, any nav2 maps, and Explore-Bench's: random ends, as nav2's planner benchmark draws them."""
+"""nav2's planner benchmark and any nav2 maps: random ends, as nav2's planner benchmark draws them."""
 
 from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from trailmark.formats.nav2_map import read_grid
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.world import Query, Robot, World
 
-__all__ = ["EXPLORE_BENCH", "NAV2", "SEED", "Places", "is_map"]
+__all__ = ["NAV2", "Places", "is_map"]
 
 SEED = 33
 """Of Python's ``random``, as the tool has it."""
@@ -71,28 +71,23 @@ class Places:
         self._buffer = min(BUFFER, rows // SHARE, columns // SHARE)
         self._apart = min(APART, PART * self._cell * math.hypot(rows, columns))
 
-    def pairs(self, count: int, start: Pose | None = None) -> list[tuple[Pose, Pose]]:
+    def pairs(self, count: int) -> list[tuple[Pose, Pose]]:
         """Return start and goal of ``count`` problems.
 
         Pairs that no free cells join are drawn anew, as the tool draws anew where a planner finds no path.
-
-        Args:
-            count: how many.
-            start: of all of them; drawn if it is None, or not free.
 
         Raises:
             SuiteError: the map has no room for them.
         """
         rng = random.Random(SEED)  # noqa: S311  # the published sequence
-        given = None if start is None else self._cell_of(start)
         found: list[tuple[Pose, Pose]] = []
         for _ in range(count + TRIES if self._open.any() else 0):
             if len(found) == count:
                 return found
-            first = given or next(self._cells(rng), None)
+            first = next(self._cells(rng), None)
             if first is None:
                 continue
-            begin = start if given and start else self._pose(first, rng)
+            begin = self._pose(first, rng)
             last = next((c for c in self._cells(rng) if self._cell * math.dist(first, c) > self._apart), None)
             if last is None:  # amid a small map all is near
                 continue
@@ -116,15 +111,6 @@ class Places:
         cos, sin = math.cos(yaw), math.sin(yaw)
         return x0 + cos * x - sin * y, y0 + sin * x + cos * y, rng.uniform(0, 1) * 2.0 * math.pi
 
-    def _cell_of(self, pose: Pose) -> tuple[int, int] | None:
-        """Return the cell in which a pose lies, if an end may lie there."""
-        x0, y0, yaw = self._origin
-        x, y = pose[0] - x0, pose[1] - y0
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        cell = math.floor((cos * y - sin * x) / self._cell), math.floor((cos * x + sin * y) / self._cell)
-        inside = all(0 <= at < size for at, size in zip(cell, self._open.shape, strict=True))
-        return cell if inside and self._open[cell] else None
-
 
 def is_map(file: Path) -> bool:
     """Return whether a YAML file is a nav2 map of obstacles, no mask of zones, parameters or anything else."""
@@ -140,48 +126,28 @@ def is_map(file: Path) -> bool:
 RADIUS = 0.22
 """Metres: ``robot_radius`` of nav2's default parameters."""
 
-START = (8.0, 8.0, 1.57)
-"""Of the single robot in Explore-Bench's launch files; metres, radians."""
-
-BURGER = ((-0.105, -0.105), (0.041, -0.105), (0.041, 0.105), (-0.105, 0.105))
-"""Footprint of the TurtleBot3 Burger in ``turtlebot3_navigation``, metres."""
+PAIRS = 100
+"""Problems of each map."""
 
 
-def _maps(count: int) -> Callable[[Path], Found]:
-    """Return what finds ``count`` problems for each map that is no mask."""
-    return lambda folder: Found(
-        [(file, i) for file in files_below(folder, ".yaml", ".yml") if is_map(file) for i in range(count)]
-    )
+def _found(folder: Path) -> Found:
+    maps = [file for file in files_below(folder, ".yaml", ".yml") if is_map(file)]
+    return Found([(file, i) for file in maps for i in range(PAIRS)])
 
 
-def _posed(name: str, robot: Robot, start: Pose | None = None) -> Callable[..., World]:
-    """Return what reads a map with pairs of ends for a robot."""
-
-    def world(_: Path, file: Path, numbers: Sequence[int], given: Robot | None) -> World:
-        made = World.load(file)  # refuses maps that are none
-        pairs = Places(file, given or robot).pairs(max(numbers) + 1, start)
-        return replace(made, robot=given or robot, queries=tuple(Query(f"{name}-{i}", *pairs[i]) for i in numbers))
-
-    return world
+def _world(_: Path, file: Path, numbers: Sequence[int], given: Robot | None) -> World:
+    robot = given or Robot.disc(RADIUS)
+    made = World.load(file)  # refuses maps that are none
+    pairs = Places(file, robot).pairs(max(numbers) + 1)
+    return replace(made, robot=robot, queries=tuple(Query(f"pair-{i}", *pairs[i]) for i in numbers))
 
 
 NAV2 = PublicSuite(
     name="nav2",
-    contents="the planner benchmark's 100by100_10, _15, _20, or any nav2 maps: 100 random pairs each, seed 33",
+    contents=f"the planner benchmark's 100by100_10, _15, _20, or any nav2 maps: {PAIRS} random pairs each, seed {SEED}",
     published="github.com/ros-navigation/navigation2, tools/planner_benchmarking (metrics.py)",
     robot=f"disc of {RADIUS:g} m, nav2's default robot_radius",
     expected="nav2 maps (.yaml files that name an image)",
-    find=_maps(100),
-    world=_posed("pair", Robot.disc(RADIUS)),
+    find=_found,
+    world=_world,
 )
-
-EXPLORE_BENCH = PublicSuite(
-    name="explore-bench",
-    contents="loop, corridor, corner, room and their combinations: from the published start to 10 random goals each",
-    published="github.com/efc-robot/Explore-Bench, exploration_benchmark/blueprints; Y. Xu et al., ICRA 2022",
-    robot="TurtleBot3 Burger, 0.146 x 0.21 m",
-    expected="Explore-Bench's maps (.yaml files that name an image)",
-    find=_maps(10),
-    world=_posed("goal", Robot.polygon(BURGER), START),
-)
-"""The set itself is for exploration and has no goals."""

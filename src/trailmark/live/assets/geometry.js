@@ -1,5 +1,5 @@
 "use strict";
-// Shapes as a world file has them: what they cover, where their centres lie, and what moving does to them.
+// Shapes as a world file has them: where they lie, and what moving does to them; paths by their length.
 
 const TURN = 2 * Math.PI;
 
@@ -18,19 +18,41 @@ function turnedPoints(points, [cx, cy], angle) {
   return points.map(([x, y]) => [cx + cos * (x - cx) - sin * (y - cy), cy + sin * (x - cx) + cos * (y - cy)]);
 }
 
-function placed(points, [x, y, theta]) {
-  return turnedPoints(points, [0, 0], theta).map(([px, py]) => [px + x, py + y]);
-}
-
 function rectanglePoints({center: [x, y] = [0, 0], length, width, heading = 0}) {
   const corners = [[-length, -width], [length, -width], [length, width], [-length, width]];
   return turnedPoints(corners.map(([dx, dy]) => [x + dx / 2, y + dy / 2]), [x, y], heading);
 }
 
-// Rings of points: the outline, then holes; a disc has none.
-function ringsOf(shape) {
-  if (shape.shape === "rectangle") return [rectanglePoints(shape)];
-  return shape.shape === "polygon" ? [shape.vertices, ...(shape.holes ?? [])] : [];
+// What a shape covers, holes left out, as the canvas fills it by its even-odd rule.
+function areaOf(shape, area = new Path2D()) {
+  if (shape.shape === "disc") {
+    const [x, y] = shape.center ?? [0, 0];
+    area.moveTo(x + shape.radius, y);
+    area.arc(x, y, shape.radius, 0, TURN);
+  } else {
+    const rings = shape.shape === "rectangle" ? [rectanglePoints(shape)] : [shape.vertices, ...(shape.holes ?? [])];
+    for (const ring of rings) lineOf(ring, true, area);
+  }
+  return area;
+}
+
+function lineOf(points, closed = false, path = new Path2D()) {
+  points.forEach(([x, y], i) => (i ? path.lineTo(x, y) : path.moveTo(x, y)));
+  if (closed) path.closePath();
+  return path;
+}
+
+// What the robot covers at a configuration, and a line that shows where it looks.
+function bodyOf(robot, [x, y, theta]) {
+  const body = lineOf([[0, 0], [reachOf(robot), 0]], false, areaOf(robot)), placed = new Path2D();
+  placed.addPath(body, new DOMMatrix().translate(x, y).rotate((theta * 180) / Math.PI));
+  return placed;
+}
+
+function reachOf(robot) {
+  if (robot.shape === "disc") return robot.radius;
+  const corners = robot.shape === "rectangle" ? rectanglePoints(robot) : robot.vertices;
+  return Math.max(...corners.map(([x, y]) => Math.hypot(x, y)));
 }
 
 function centreOf(shape) {
@@ -41,65 +63,30 @@ function centreOf(shape) {
 
 // The shape moved by dx, dy and turned about its own centre, as the server does it.
 function displaced(shape, dx, dy, turn = 0) {
-  const [cx, cy] = centreOf(shape), step = ([x, y]) => [x + dx, y + dy];
+  const [cx, cy] = centreOf(shape);
   if (shape.shape === "polygon") {
-    const move = (ring) => turnedPoints(ring, [cx, cy], turn).map(step);
+    const move = (ring) => turnedPoints(ring, [cx, cy], turn).map(([x, y]) => [x + dx, y + dy]);
     return {...shape, vertices: move(shape.vertices), ...(shape.holes ? {holes: shape.holes.map(move)} : {})};
   }
   const moved = {...shape, center: [cx + dx, cy + dy]};
   return shape.shape === "rectangle" && turn ? {...moved, heading: wrapped((shape.heading ?? 0) + turn)} : moved;
 }
 
-function insideRing(ring, x, y) {
-  let inside = false;
-  for (let i = 0, j = ring.length - 1; i < ring.length; j = i++) {
-    const [xi, yi] = ring[i], [xj, yj] = ring[j];
-    if (yi > y !== yj > y && x < ((xj - xi) * (y - yi)) / (yj - yi) + xi) inside = !inside;
-  }
-  return inside;
-}
-
-function covers(shape, x, y) {
-  if (shape.shape === "disc") return Math.hypot(x - shape.center[0], y - shape.center[1]) <= shape.radius;
-  const [outline, ...holes] = ringsOf(shape);
-  return insideRing(outline, x, y) && !holes.some((hole) => insideRing(hole, x, y));
-}
-
-function areaOf(shape) {
-  if (shape.shape === "disc") return Math.PI * shape.radius ** 2;
-  const [ring] = ringsOf(shape);
-  return Math.abs(ring.reduce((sum, [x, y], i) => {
-    const [nx, ny] = ring[(i + 1) % ring.length];
-    return sum + x * ny - nx * y;
-  }, 0)) / 2;
-}
-
-// The robot's outline about its reference point.
-function footprintOf(robot) {
-  if (robot.shape === "disc") return null;
-  return robot.shape === "rectangle" ? rectanglePoints(robot) : robot.vertices;
-}
-
-function reachOf(robot) {
-  return robot.shape === "disc" ? robot.radius : Math.max(...footprintOf(robot).map(([x, y]) => Math.hypot(x, y)));
-}
-
-// Configurations along a path, by the share of its cost: x and y straight, the heading the shorter way round.
+// Costs along a path, up to each of its states.
 function pathClock(states) {
   const at = [0];
   for (let i = 1; i < states.length; i++) {
-    const [ax, ay, at0] = states[i - 1], [bx, by, bt] = states[i];
-    at.push(at[i - 1] + Math.hypot(bx - ax, by - ay) + 0.5 * Math.abs(wrapped(bt - at0)));
+    const [[ax, ay, from], [bx, by, to]] = [states[i - 1], states[i]];
+    at.push(at[i - 1] + Math.hypot(bx - ax, by - ay) + 0.5 * Math.abs(wrapped(to - from)));
   }
   return at;
 }
 
+// The configuration at a cost along a path: x and y straight, the heading the shorter way round.
 function stateAlong(states, clock, distance) {
-  if (states.length === 1 || distance <= 0) return states[0];
-  let i = clock.findIndex((at) => at >= distance);
-  if (i < 0) return states[states.length - 1];
-  i = Math.max(i, 1);
-  const span = clock[i] - clock[i - 1], share = span > 0 ? (distance - clock[i - 1]) / span : 1;
-  const [ax, ay, at] = states[i - 1], [bx, by, bt] = states[i];
-  return [ax + share * (bx - ax), ay + share * (by - ay), wrapped(at + share * wrapped(bt - at))];
+  const next = clock.findIndex((at) => at >= distance), i = Math.max(next, 1);
+  if (states.length === 1 || next < 0) return states.at(-1);
+  const span = clock[i] - clock[i - 1], share = span > 0 ? Math.max(0, (distance - clock[i - 1]) / span) : 1;
+  const [[ax, ay, from], [bx, by, to]] = [states[i - 1], states[i]];
+  return [ax + share * (bx - ax), ay + share * (by - ay), wrapped(from + share * wrapped(to - from))];
 }

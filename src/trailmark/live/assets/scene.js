@@ -3,20 +3,31 @@
 const MOST_UNDONE = 200;
 
 class Scene {
-  constructor() {
-    this.world = null;
-    this.obstacles = new Map();  // by id
-    this.start = [0, 0, 0];
-    this.goal = [0, 0, 0];
-    this.path = null;
-    this.before = [];
-    this.after = [];
-  }
+  world = null;
+  obstacles = new Map();  // by id, the last drawn on top
+  areas = new Map();  // what each of them covers
+  start = [0, 0, 0];
+  goal = [0, 0, 0];
+  path = null;
+  before = [];
+  after = [];
 
   take(world) {
     this.world = world;
-    this.obstacles = new Map((world.obstacles ?? []).map((shape) => [shape.id, shape]));
     this.path = null;
+    this.obstacles.clear();
+    this.areas.clear();
+    for (const shape of world.obstacles ?? []) this.set(shape);
+  }
+
+  set(shape) {
+    this.obstacles.set(shape.id, shape);
+    this.areas.set(shape.id, areaOf(shape));
+  }
+
+  remove(id) {
+    this.obstacles.delete(id);
+    this.areas.delete(id);
   }
 
   get robot() {
@@ -37,7 +48,7 @@ class Scene {
     return {...this.world, obstacles: [...this.obstacles.values()]};
   }
 
-  // What undo brings back: all of it, as a text that is compared and kept.
+  // What undo brings back, and what an address that is shared holds: all of it, as a text.
   snapshot() {
     return JSON.stringify({world: this.content(), start: this.start, goal: this.goal});
   }
@@ -50,22 +61,14 @@ class Scene {
     this.after = [];
   }
 
-  // Returns what was before (or, back again, after), or null if there is nothing.
-  step(from, to) {
-    const now = this.snapshot();
+  // Returns what was before or, back again, after; null if there is nothing.
+  step(back) {
+    const now = this.snapshot(), [from, to] = back ? [this.before, this.after] : [this.after, this.before];
     let found = from.pop();
     while (found === now) found = from.pop();
     if (found === undefined) return null;
     to.push(now);
     return JSON.parse(found);
-  }
-
-  undo() {
-    return this.step(this.before, this.after);
-  }
-
-  redo() {
-    return this.step(this.after, this.before);
   }
 
   freshId() {
@@ -74,19 +77,14 @@ class Scene {
     return `o${n}`;
   }
 
-  // What lies under a point: an end's turning handle, an end, or the smallest obstacle.
-  under(x, y, handleReach, handles) {
-    for (const end of ["goal", "start"]) {
-      const [hx, hy] = handles[end];
-      if (Math.hypot(x - hx, y - hy) <= handleReach) return {kind: "turn", end};
-    }
-    for (const end of ["goal", "start"]) {
-      const [ex, ey, theta] = this[end], outline = footprintOf(this.robot);
-      const near = Math.hypot(x - ex, y - ey) <= Math.max(handleReach, outline ? 0 : this.robot.radius);
-      if (near || (outline && insideRing(placed(outline, [ex, ey, theta]), x, y))) return {kind: "end", end};
-    }
-    const hit = [...this.obstacles.values()].filter((shape) => covers(shape, x, y));
-    hit.sort((a, b) => areaOf(a) - areaOf(b));
-    return hit.length ? {kind: "obstacle", id: hit[0].id} : null;
+  // What lies under a point, handles within reach: an end's turning handle, an end, or the topmost obstacle.
+  under(x, y, reach) {
+    const near = ([px, py]) => Math.hypot(x - px, y - py) <= reach, ends = ["goal", "start"];
+    const turned = ends.find((end) => near(handlePlace(end)));
+    if (turned) return {kind: "turn", id: turned};
+    const held = ends.find((end) => near(this[end]) || view.covers(bodyOf(this.robot, this[end]), x, y));
+    if (held) return {kind: "end", id: held};
+    const id = [...this.areas.keys()].reverse().find((id) => view.covers(this.areas.get(id), x, y));
+    return id === undefined ? null : {kind: "obstacle", id};
   }
 }

@@ -1,7 +1,4 @@
-// The view: which part of the plane is shown, and what is drawn there. Pictures that change seldom are kept.
-
-const BEYOND = 0.25;  // of its width and height, that a picture that is kept reaches beyond each side of what is shown
-const MOVES_FOR = 150;  // milliseconds after a move for which pictures are only moved
+// The view: which part of the plane is shown, and everything that is drawn on the canvas, once a frame at most.
 
 class View {
   constructor(canvas) {
@@ -9,28 +6,22 @@ class View {
     this.brush = canvas.getContext("2d");
     this.centre = [0, 0];
     this.scale = 50;  // pixels a metre
-    this.kept = new Map();
-    this.movedAt = -Infinity;
-    this.blurred = false;  // whether a picture is shown that was drawn for another part
   }
 
+  // Returns whether the canvas has another size than before.
   resize() {
-    const ratio = window.devicePixelRatio || 1, {clientWidth: width, clientHeight: height} = this.canvas;
-    if (this.canvas.width !== Math.round(width * ratio) || this.canvas.height !== Math.round(height * ratio)) {
-      this.canvas.width = Math.round(width * ratio);
-      this.canvas.height = Math.round(height * ratio);
-      this.forget();
-    }
-    this.ratio = ratio;
-    this.width = width;
-    this.height = height;
+    const {clientWidth: width, clientHeight: height} = this.canvas, ratio = window.devicePixelRatio || 1;
+    Object.assign(this, {width, height, ratio});
+    const size = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (this.canvas.width === size[0] && this.canvas.height === size[1]) return false;
+    [this.canvas.width, this.canvas.height] = size;
+    return true;
   }
 
   fit([xmin, ymin, xmax, ymax]) {
     this.resize();
     this.centre = [(xmin + xmax) / 2, (ymin + ymax) / 2];
     this.scale = 0.94 * Math.min(this.width / (xmax - xmin), this.height / (ymax - ymin));
-    this.forget();
   }
 
   toScreen(x, y) {
@@ -41,101 +32,113 @@ class View {
     return [this.centre[0] + (px - this.width / 2) / this.scale, this.centre[1] - (py - this.height / 2) / this.scale];
   }
 
-  zoom(factor, px, py) {
+  zoom(factor, px = this.width / 2, py = this.height / 2) {
     const [x, y] = this.toWorld(px, py);
     this.scale = Math.min(1e5, Math.max(1e-3, this.scale * factor));
     const [nx, ny] = this.toWorld(px, py);
     this.centre = [this.centre[0] + x - nx, this.centre[1] + y - ny];
-    this.movedAt = performance.now();
   }
 
   pan(dx, dy) {
     this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
-    this.movedAt = performance.now();
   }
 
-  // Lets a picture that is kept be drawn anew; all of them without a name.
-  forget(name) {
-    if (name === undefined) this.kept.clear();
-    else this.kept.delete(name);
-  }
-
+  // From here on the brush draws in metres, y up.
   clear() {
-    this.blurred = false;
-    this.brush.setTransform(1, 0, 0, 1, 0, 0);
-    this.brush.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    this.metres(this.brush);
-  }
-
-  // From here on a brush draws in metres, y up.
-  metres(brush) {
-    const k = this.scale * this.ratio;
-    brush.setTransform(k, 0, 0, -k, brush.canvas.width / 2 - this.centre[0] * k, brush.canvas.height / 2 + this.centre[1] * k);
+    const k = this.scale * this.ratio, {brush, canvas, centre} = this;
+    brush.setTransform(1, 0, 0, 1, 0, 0);
+    brush.clearRect(0, 0, canvas.width, canvas.height);
+    brush.setTransform(k, 0, 0, -k, canvas.width / 2 - centre[0] * k, canvas.height / 2 + centre[1] * k);
     brush.lineJoin = brush.lineCap = "round";
   }
 
-  get moves() {
-    return performance.now() - this.movedAt < MOVES_FOR;
+  fill(path, colour, alpha = 1) {
+    this.brush.globalAlpha = alpha;
+    this.brush.fillStyle = colour;
+    this.brush.fill(path, "evenodd");
+    this.brush.globalAlpha = 1;
   }
 
-  // Draws a picture by a function once, and from then on as it is, until it is forgotten. While the view moves, it is
-  // moved, too, as far as it reaches beyond what is shown: to draw it anew may take longer than a frame.
-  keep(name, draw) {
-    let kept = this.kept.get(name);
-    const same = kept && kept.scale === this.scale && kept.centre[0] === this.centre[0] && kept.centre[1] === this.centre[1];
-    if (!kept || (!same && !(this.moves && this.within(kept)))) {
-      const size = [this.canvas.width, this.canvas.height].map((pixels) => pixels + 2 * Math.round(BEYOND * pixels));
-      const picture = kept?.picture ?? new OffscreenCanvas(...size), brush = picture.getContext("2d");
-      brush.setTransform(1, 0, 0, 1, 0, 0);
-      brush.clearRect(0, 0, ...size);
-      this.metres(brush);
-      draw(brush, 1 / this.scale);
-      kept = {picture, scale: this.scale, centre: this.centre};
-      this.kept.set(name, kept);
-    } else if (!same) this.blurred = true;
-    const {picture, centre: [x, y]} = kept, zoom = this.scale / kept.scale, k = this.scale * this.ratio;
-    this.brush.setTransform(zoom, 0, 0, zoom, this.canvas.width / 2 + (x - this.centre[0]) * k - (zoom * picture.width) / 2,
-      this.canvas.height / 2 - (y - this.centre[1]) * k - (zoom * picture.height) / 2);
-    this.brush.drawImage(picture, 0, 0);
-    this.metres(this.brush);
+  // Draws a line, its width in pixels.
+  stroke(path, colour, width = 2, dash = []) {
+    this.brush.strokeStyle = colour;
+    this.brush.lineWidth = width / this.scale;
+    this.brush.setLineDash(dash.map((length) => length / this.scale));
+    this.brush.stroke(path);
   }
 
-  // Whether a picture that is kept covers all that is shown.
-  within({scale, centre}) {
-    const reach = (pixels) => (0.5 + BEYOND) * pixels / scale - (0.5 * pixels) / this.scale;
-    return Math.abs(centre[0] - this.centre[0]) <= reach(this.width) && Math.abs(centre[1] - this.centre[1]) <= reach(this.height);
+  covers(path, x, y) {
+    this.brush.setTransform(1, 0, 0, 1, 0, 0);  // places are told in the canvas's own pixels
+    return this.brush.isPointInPath(path, x, y, "evenodd");
   }
 }
 
-function traceShape(brush, shape) {
-  if (shape.shape === "disc") {
-    brush.moveTo(shape.center[0] + shape.radius, shape.center[1]);
-    brush.arc(shape.center[0], shape.center[1], shape.radius, 0, TURN);
-  }
-  for (const ring of ringsOf(shape)) traceLine(brush, ring, true);
+function readColours() {
+  const style = getComputedStyle(document.documentElement);
+  const names = ["page", "ink", "soft", "line", "free", "outside", "obstacle", "way", "goal", "start", "other", "bad", "shade"];
+  colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  dirty = true;
 }
 
-function traceLine(brush, points, closed = false) {
-  points.forEach(([x, y], i) => (i ? brush.lineTo(x, y) : brush.moveTo(x, y)));
-  if (closed) brush.closePath();
+// Where a start or goal is turned by.
+function handlePlace(end) {
+  const [x, y, theta] = scene[end], away = reachOf(scene.robot) + 22 / view.scale;
+  return [x + away * Math.cos(theta), y + away * Math.sin(theta)];
 }
 
-function drawRobot(brush, robot, [x, y, theta], pixel, {fill, stroke, width = 2}) {
-  brush.beginPath();
-  const outline = footprintOf(robot);
-  if (outline) traceLine(brush, placed(outline, [x, y, theta]), true);
-  else brush.arc(x, y, robot.radius, 0, TURN);
-  if (fill) {
-    brush.fillStyle = fill;
-    brush.fill();
+function draw() {
+  view.clear();
+  if (!scene.world) return;
+  drawWorld(scene.world);
+  for (const area of scene.areas.values()) view.fill(area, colours.obstacle);
+  if (scene.path) drawPath(scene.path);
+  for (const end of ["start", "goal"]) drawEnd(end);
+  if (scene.obstacles.has(selected)) view.stroke(scene.areas.get(selected), colours.goal, 3);
+  if (draft) view.stroke(draftShape() ? areaOf(draftShape()) : lineOf(draft.points), colours.goal);
+  if (playing) drawBody(playing.state, colours.way, 1, colours.ink, 2);
+  while (drawn.length) latencies.push(performance.now() - drawn.shift());
+  if (latencies.length > 2000) latencies.splice(0, 1000);
+}
+
+function drawWorld({bounds: [xmin, ymin, xmax, ymax], boundary, zones = []}) {
+  const whole = lineOf([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]], true), outside = new Path2D(whole);
+  view.fill(whole, colours.free);
+  if (boundary) view.fill(lineOf(boundary, true, outside), colours.outside);
+  for (const {kind, vertices} of zones) view.fill(lineOf(vertices, true), kind === "keep-out" ? colours.bad : colours.other, 0.2);
+  view.stroke(whole, colours.shade, 1);
+}
+
+function drawPath({states, partial}) {
+  const clock = pathClock(states), step = Math.max(0.9 * reachOf(scene.robot), clock.at(-1) / 60), swept = new Path2D();
+  for (let at = step; !partial && at < clock.at(-1); at += step) swept.addPath(bodyOf(scene.robot, stateAlong(states, clock, at)));
+  view.brush.globalAlpha = 0.45;
+  view.stroke(swept, colours.way, 1);
+  view.brush.globalAlpha = 1;
+  view.stroke(lineOf(states), colours.way, 3, partial ? [6, 6] : []);
+}
+
+function drawEnd(end) {
+  const bad = badEnd === end, colour = bad ? colours.bad : colours[end];
+  drawBody(scene[end], colour, bad ? 0.6 : 0.25, colour, selected === end ? 3.5 : 2);
+  view.fill(areaOf({shape: "disc", center: handlePlace(end), radius: 7 / view.scale}), colours[end]);
+}
+
+function drawBody(q, fill, alpha, stroke, width) {
+  const body = bodyOf(scene.robot, q);
+  view.fill(body, fill, alpha);
+  view.stroke(body, stroke, width);
+}
+
+function frame(now) {
+  if (view.resize()) dirty = true;
+  if (playing) {
+    if (!drive(now)) stopPlaying();
+    dirty = true;
   }
-  brush.strokeStyle = stroke;
-  brush.lineWidth = width * pixel;
-  brush.stroke();
-  // Where it looks.
-  const reach = reachOf(robot);
-  brush.beginPath();
-  brush.moveTo(x, y);
-  brush.lineTo(x + reach * Math.cos(theta), y + reach * Math.sin(theta));
-  brush.stroke();
+  plan(now);
+  if (dirty) {
+    dirty = false;
+    draw();
+  }
+  requestAnimationFrame(frame);
 }

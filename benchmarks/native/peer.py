@@ -1,4 +1,4 @@
-"""The native peer: OMPL's C++ planners with FCL in C++, a program of its own, built from ``benchmarks/native``.
+"""The native peer: OMPL's C++ planners with FCL in C++, a program of its own that is built here.
 
 It is what a user would choose who finds Python too slow. Its planners are named ``native:PRM`` and so on, and
 ``native:PRM+certified`` with certified motions. It reads problems as JSON of flat triangles, discs and numbers; the
@@ -64,7 +64,7 @@ class NativeError(BenchmarkError):
 def native_program() -> Path | None:
     """Return the built program: what TRAILMARK_NATIVE names, else the project's own build; None if there is none."""
     named = os.environ.get(VARIABLE)
-    here = Path(__file__).resolve().parents[3] / "benchmarks" / "native" / "build" / "trailmark_native"
+    here = Path(__file__).resolve().parent / "build" / "trailmark_native"
     file = Path(named) if named else here
     return file if os.access(file, os.X_OK) and file.is_file() else None
 
@@ -114,7 +114,7 @@ def run_native(problem: Problem, job: Job) -> Answer:
     text = problem_text(problem.world, problem.robot, problem.query)
     allowed = limit + SIMPLIFY_LIMIT + GRACE[0] + GRACE[1] * limit
     try:
-        done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=allowed, check=False)  # noqa: S603  # our own program, no shell
+        done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=allowed, check=False)
     except subprocess.TimeoutExpired:
         failure = f"did not end by itself: killed after {allowed:.1f} s"
         return {"status": int(Status.TIMEOUT), "seed": job["seed"], "solved": False, "failure": failure}
@@ -156,7 +156,7 @@ def _described() -> Answer:
 def _description(file: Path, changed: float) -> Answer:
     """Return the program's planners and versions; ``changed`` makes a rebuilt program another one."""
     try:
-        done = subprocess.run([str(file), "planners"], capture_output=True, text=True, timeout=20.0, check=True)  # noqa: S603  # our own program, no shell
+        done = subprocess.run([str(file), "planners"], capture_output=True, text=True, timeout=20.0, check=True)
         described: Answer = json.loads(done.stdout)
         described["planners"] = [str(name) for name in described["planners"]]
         described["parameters"] = dict(described["parameters"])

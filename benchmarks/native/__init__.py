@@ -1,0 +1,1 @@
+"""The native peer: OMPL and FCL in C++."""
