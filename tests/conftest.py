@@ -7,14 +7,12 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numba
 import pytest
 from hypothesis import HealthCheck, settings
 from tests.helpers.trials import THOROUGH
-from tests.support.forks import Forks
 
 ROOT = Path(__file__).resolve().parents[1]
 COMPILED = "trailmark/compiled"
@@ -69,14 +67,6 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"real data not found: set TRAILMARK_DATA (looked in {folder.name!r} beside the project)")
     return folder
-
-
-@pytest.fixture(scope="session")
-def forks() -> Iterator[Forks]:
-    """Return what runs programs in processes that start at once."""
-    started = Forks()
-    yield started
-    started.close()
 
 
 @pytest.fixture(scope="session")
