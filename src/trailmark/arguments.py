@@ -206,7 +206,7 @@ def _label(name: str) -> str:
 
 def _conversion(value: object) -> str:
     """Return what takes a shapely geometry, for a message."""
-    return "; World.from_shapely takes geometries" if type(value).__module__.startswith("shapely") else ""
+    return "; World.from_geometries takes geometries" if type(value).__module__.startswith("shapely") else ""
 
 
 # --- Checks by annotations

@@ -52,24 +52,31 @@ FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 _ROWS_AT_ONCE = 256  # bounds the memory for one image's brightness values
 
 
-def read_nav2_map(data: dict[str, Any], path: Path) -> dict[str, Any]:
+def read_nav2_map(data: dict[str, Any], path: Path, unknown: bool | None = None) -> dict[str, Any]:
     """Return the arguments of a nav2 map's :class:`trailmark.World`.
 
-    Obstacles are the cells that are not free, as polygons. Bounds are the map's rectangle. If the origin has a yaw,
-    the map is turned about its origin; then the rectangle is the boundary, and the bounds are its box.
+    Obstacles are the cells that are not free, as polygons; with ``unknown`` False, those that are occupied. Where it is
+    not None, ``unknown`` holds the polygons of cells that are neither free nor occupied. Bounds are the map's
+    rectangle. If the origin has a yaw, the map is turned about its origin; then the rectangle is the boundary, and the
+    bounds are its box.
 
     Args:
         data: the YAML file's plain data: image (beside the file, absolute, or ~/…), resolution (metres per pixel),
             origin [x, y, yaw] of the lower left pixel's outer corner; optional negate (0), occupied_thresh (0.65),
             free_thresh (0.196), mode (trinary). Other keys are ignored, as by nav2.
         path: the YAML file; its stem names the world.
+        unknown: whether unknown cells are obstacles; None as if they were, and they are not told apart.
 
     Raises:
         FormatError: a field is missing or wrong, the image is missing, of another kind, damaged, or too large.
     """
     file = _map_file(data, path)
     image = path.parent / file.image
-    return _fields(image, file, path.stem, (path.absolute(), image.absolute()))
+    fields = _fields(image, file, path.stem, (path.absolute(), image.absolute()), blocked=unknown is not False)
+    if unknown is None:
+        return fields
+    cells = pixels_of(image, lambda pixels: _unknown_cells(pixels, file))[::-1]
+    return {**fields, "unknown": grid_polygons(cells, file.resolution, file.origin)}
 
 
 def read_grid(data: dict[str, Any], path: Path) -> tuple[NDArray[np.bool_], MapFile]:
@@ -99,7 +106,7 @@ def _map_file(data: dict[str, Any], path: Path) -> MapFile:
     return validate(MapFile, data, path)
 
 
-def _fields(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> dict[str, Any]:
+def _fields(image: Path, file: MapFile, name: str, sources: tuple[Path, ...], blocked: bool = True) -> dict[str, Any]:
     unknown = 0
 
     def taken(pixels: Image) -> NDArray[np.bool_]:
@@ -108,10 +115,10 @@ def _fields(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) ->
         values, full, _ = _channels(pixels)
         if file.mode != "raw" and not file.negate and file.free_thresh >= (255 - UNKNOWN) / 255 and full == 255:
             unknown = int(np.count_nonzero(free & (values[..., :3] == UNKNOWN).all(axis=-1)))
-        return free
+        return free if blocked else free | _unknown_cells(pixels, file)
 
     free = pixels_of(image, taken)
-    if unknown and len(sources) > 1:  # whoever reads an image alone has named the threshold himself
+    if unknown and blocked and len(sources) > 1:  # whoever reads an image alone has named the threshold himself
         what = f"{unknown:,} cells of grey {UNKNOWN}, which map savers write for unknown, are free"
         problem = f"{sources[0]}: {what} by free_thresh {file.free_thresh:g}; 0.196 keeps them out"
         warnings.warn(problem, InputWarning, stacklevel=2)
@@ -208,16 +215,22 @@ def pixels_of(path: Path, take: Callable[[Image], NDArray[T]]) -> NDArray[T]:
 MaskKind = Literal["keep-out", "speed"]
 KINDS = ("keep-out", "speed")
 
-LETHAL = 100
-"""Value of cells that nav2 keeps out of; lower ones, which it grades into costs, are left open, as are unknown ones."""
-
 
 def read_mask(
-    path: Path, kind: MaskKind, *, max_speed: float = 1.0, base: float = 100.0, multiplier: float = -1.0
+    path: Path,
+    kind: MaskKind,
+    *,
+    max_speed: float = 1.0,
+    base: float = 100.0,
+    multiplier: float = -1.0,
+    threshold: float = 100.0,
+    max_factor: float = 1.0,
 ) -> tuple[list[tuple[Polygon, float]], tuple[Path, ...]]:
-    """Return the regions of a mask's cells of the same value, each with its speed limit, and the files that were read.
+    """Return regions of a mask's cells, each with its speed limit or cost factor, and the files that were read.
 
-    Cells of value 100 of a keep-out mask are kept out of. A cell of value v of a speed mask limits the speed to
+    Cells of a keep-out mask from a value of ``threshold`` on are kept out of, their factor being infinite; lower ones
+    are graded: a cell of value v costs 1 + (``max_factor`` - 1) · v / 100 times as much. Where that is 1, as it is
+    unless told otherwise, or v is unknown, there is no zone. A cell of value v of a speed mask limits the speed to
     ``base + multiplier · v`` percent of ``max_speed``; where v is 0 or unknown, or that is not above 0 and at most 100,
     there is no limit. nav2's own mask of depot is read with base 100 and multiplier -1.
 
@@ -227,6 +240,8 @@ def read_mask(
         max_speed: metres per second, above 0.
         base: percent.
         multiplier: percent for each unit of a cell's value.
+        threshold: of a keep-out mask, above 0 and at most 100.
+        max_factor: of a keep-out mask, 1 or more.
 
     Raises:
         WorldError: another kind, a number that is not finite, or a speed that is not above 0.
@@ -238,6 +253,8 @@ def read_mask(
     base, multiplier = (
         number(v, f"mask: {name}:", error=WorldError) for v, name in ((base, "base"), (multiplier, "multiplier"))
     )
+    threshold = number(threshold, "mask: threshold:", above=0.0, maximum=100.0, error=WorldError)
+    max_factor = number(max_factor, "mask: max factor:", minimum=1.0, maximum=1e6, error=WorldError)
     data: Any = read_yaml(path, "expected the YAML file of a nav2 mask")
     if not isinstance(data, dict) or "image" not in data:
         raise FormatError(path, "no mask: expected nav2 map YAML (keys image, resolution, origin)")
@@ -247,24 +264,40 @@ def read_mask(
     x, y, yaw = file.origin
     zones = list[tuple[Polygon, float]]()
     try:
+        if kind == "keep-out":
+            regions = grid_polygons(values >= threshold, file.resolution, (x, y, yaw))
+            zones += [(region, np.inf) for region in regions]
         for value in np.unique(values[values > 0]).tolist():
-            percent = base + multiplier * value
-            if value == LETHAL if kind == "keep-out" else 0.0 < percent <= 100.0:
-                regions = grid_polygons(values == value, file.resolution, (x, y, yaw))
-                zones += [(region, 0.01 * percent * fastest) for region in regions]
+            limit = 0.01 * (base + multiplier * value)
+            if kind == "keep-out":
+                limit = 1.0 + 0.01 * (max_factor - 1.0) * value
+                if limit == 1.0 or value >= threshold:
+                    continue
+            elif not 0.0 < limit <= 1.0:
+                continue
+            regions = grid_polygons(values == value, file.resolution, (x, y, yaw))
+            zones += [(region, limit if kind == "keep-out" else limit * fastest) for region in regions]
     except WorldError as error:
         raise FormatError(image, str(error)) from None
     return zones, (path.absolute(), image.absolute())
 
 
-def _occupancy(image: Image, file: MapFile) -> NDArray[np.int8]:
-    """Return the values that nav2 gives to pixels: 0 (free) to 100 (occupied), -1 where they are unknown."""
+def _unknown_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
+    """Return which pixels are neither free nor occupied."""
+    return (_occupancy(image, file, graded=False) == -1) & ~free_cells(image, file)
+
+
+def _occupancy(image: Image, file: MapFile, graded: bool = True) -> NDArray[np.int8]:
+    """Return the values that nav2 gives to pixels: 0 (free) to 100 (occupied), -1 where they are unknown.
+
+    What is not ``graded`` in mode scale is, between the thresholds, unknown.
+    """
     values, full, has_alpha = _channels(image)
     p = _probability(values.astype(np.int64), full, has_alpha, file)
     if file.mode == "raw":
         return np.where(p <= 1.0, np.rint(100.0 * p), -1).astype(np.int8)
     between, unknown = np.full(p.shape, -1.0), np.zeros(p.shape, np.bool_)
-    if file.mode == "scale":
+    if file.mode == "scale" and graded:
         # Where both thresholds are the same, nothing lies between them but that value itself.
         room = file.occupied_thresh - file.free_thresh
         between = np.rint(100.0 * (p - file.free_thresh) / (room if room > 0.0 else 1.0))

@@ -94,6 +94,9 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None, layers: Lay
     set_limits(axes, world)
     solid, margin, inside = regions_of(world, robot if layers.margin else None)
     draw_ground(axes, world, solid if layers.obstacles else (), margin, inside, outside=layers.outside)
+    if layers.outside and world.unknown:
+        regions = [region.shapely() for region in world.unknown]
+        fill(axes, regions, OUTSIDE, 1.6, edgecolor=HATCH, hatch="....", label="unknown")
     if layers.clearance:
         _draw_clearance(axes, world)
     for motion in filter(None, world.moving if layers.obstacles else ()):

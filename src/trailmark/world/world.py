@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.arguments import brief, each_of, one_of, real
+from trailmark.arguments import brief, each_of, number, one_of, real
 from trailmark.errors import ConfigurationError, FormatError, InputWarning, ShapeError, WorldError, expected_name
 from trailmark.formats.grid import grid_fields
 from trailmark.shapes import Polygon, Shape, shape_of, shapes_of
@@ -70,6 +70,8 @@ class World(Shown):
             (:mod:`trailmark.world.zones`).
         not_certified: why its estimates are not to be relied on (``trailmark map`` says it of a log whose features or
             places cannot be told apart); None if nothing speaks against them.
+        unknown: regions of which a map says nothing, drawn as such; obstacles and zones say what they are to a robot.
+            Worlds compare without them, and world files do not keep them.
         sources: the files that it was read from, absolute, which nothing that is written may replace. Worlds compare
             without them.
 
@@ -91,6 +93,7 @@ class World(Shown):
     moving: tuple[Moving | None, ...] = field(default=())
     zones: tuple[Zone, ...] = field(default=())
     not_certified: str | None = None
+    unknown: tuple[Polygon, ...] = field(default=(), repr=False, compare=False)
     sources: tuple[FilePath, ...] = field(default=(), repr=False, compare=False)
     _origin: tuple[weakref.ref[World], Changes] | None = field(default=None, init=False, repr=False, compare=False)
 
@@ -137,19 +140,28 @@ class World(Shown):
         return f"World({', '.join(facts)}, queries: {', '.join(names) or 'none'})"
 
     @classmethod
-    def load(cls, path: str | FilePath) -> World:
+    def load(cls, path: str | FilePath, unknown: Literal["blocked", "free"] | float | None = None) -> World:
         """Read a world from a file, whose format is recognised by its content.
 
         Args:
             path: trailmark YAML, ROS/nav2 map YAML, MovingAI ``.map``, OMPL.app ``.cfg``, or an image of ARiADNE's kind
                 (:mod:`trailmark.formats.png_grid`); or the name of a world that trailmark ships, such as ``office``,
                 where there is no such file.
+            unknown: what the unknown cells of a nav2 map are: ``blocked``, ``free``, or a factor (0.1 or more) by which
+                a metre in them costs more. By default they are blocked and not told apart from occupied ones.
 
         Raises:
             FormatError: there is neither, or the file is of no known format or does not hold what its format asks for.
+            WorldError: ``unknown`` is none of these, or the file is no nav2 map.
         """
         file = find_world(path)
-        return cls._made(file, lambda: read_world(file))
+        if unknown is None:
+            return cls._made(file, lambda: read_world(file))
+        if isinstance(unknown, str) and unknown not in ("blocked", "free"):
+            raise WorldError(f"unknown: expected blocked, free or a factor, got {brief(unknown)}")
+        factor = 1.0 if isinstance(unknown, str) else number(unknown, "unknown:", minimum=0.1, error=WorldError)
+        world = cls._made(file, lambda: read_world(file, unknown == "blocked"))
+        return world if factor == 1.0 else world.with_zones(*(CostZone(region, factor) for region in world.unknown))
 
     @classmethod
     def _made(cls, path: FilePath, read: Callable[[], dict[str, Any]]) -> World:
@@ -199,13 +211,20 @@ class World(Shown):
         return cls._made(file, lambda: read_image(file, given))
 
     @classmethod
-    def from_shapely(cls, geometries: Any, bounds: Sequence[float] | None = None, name: str = "world") -> World:
+    def from_geometries(
+        cls,
+        geometries: Any,
+        bounds: Sequence[float] | None = None,
+        name: str = "world",
+        zones: Sequence[Zone] = (),
+    ) -> World:
         """Return the world whose obstacles are geometries of shapely: polygons, multi-polygons, collections of them.
 
         Args:
             geometries: one or more.
             bounds: xmin, ymin, xmax, ymax in metres; by default the box around the obstacles.
             name: what reports call it.
+            zones: of the world; their regions may be geometries, too.
 
         Raises:
             ShapeError: a geometry without area, such as a line, or an invalid polygon.
@@ -215,10 +234,36 @@ class World(Shown):
         shapes = cls(name, (0.0, 0.0, 1.0, 1.0), given).obstacles
         if bounds is None:
             if not shapes:
-                raise WorldError("from_shapely: expected bounds or a geometry that is not empty, got neither")
+                raise WorldError("from_geometries: expected bounds or a geometry that is not empty, got neither")
             boxes = np.array([shape.bounding_box() for shape in shapes])
             bounds = (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0))
-        return cls(name, tuple(bounds), shapes)  # type: ignore[arg-type]  # as many as there are, checked there
+        return cls(name, tuple(bounds), shapes, zones=tuple(zones))  # type: ignore[arg-type]  # as many as there are, checked there
+
+    from_shapely = from_geometries  # its name before
+
+    def with_zones(self, *zones: Zone | str | FilePath) -> World:
+        """Return the world with more zones.
+
+        Args:
+            zones: zones, or files: polygons as GeoJSON or WKT, which become keep-out zones, or a nav2 keep-out mask.
+
+        Raises:
+            WorldError: what is neither.
+            FormatError: a file cannot be read, or holds no polygon.
+        """
+        world = self
+        for zone in zones:
+            if not isinstance(zone, str | FilePath):
+                world = replace(world, zones=(*world.zones, zone))
+            elif FilePath(zone).suffix.lower() in (".yaml", ".yml"):
+                world = world.with_mask(zone)
+            else:
+                from trailmark.formats.geometries import read_polygons
+
+                file = FilePath(zone)
+                regions = tuple(KeepOutZone(region) for region in read_polygons(file))
+                world = replace(world, zones=(*world.zones, *regions), sources=(*world.sources, file.absolute()))
+        return world
 
     def with_mask(self, path: str | FilePath, kind: Literal["keep-out", "speed"] = "keep-out", **scale: float) -> World:
         """Return the world with the zones of a nav2 filter mask, a map file beside the map that the world is.
@@ -226,8 +271,10 @@ class World(Shown):
         Args:
             path: the mask's YAML file.
             kind: ``keep-out`` (cells that are occupied are keep-out zones) or ``speed`` (cells are speed zones).
-            scale: of a speed mask: ``max_speed`` (1.0 m/s), of which a cell of value v, 1 to 100, allows ``base`` (100)
-                + ``multiplier`` (-1) · v percent; 0 is no limit. These are the parameters of nav2's speed filter.
+            scale: of a keep-out mask: ``threshold`` (100), the least value of a cell, 1 to 100, that is kept out of,
+                and ``max_factor`` (1), by which a metre costs more just below 100; of a speed mask: ``max_speed``
+                (1.0 m/s), of which a cell of value v, 1 to 100, allows ``base`` (100) + ``multiplier`` (-1) · v
+                percent; 0 is no limit. These are the parameters of nav2's speed filter.
 
         Raises:
             WorldError: another kind, or a number out of range.
@@ -236,7 +283,8 @@ class World(Shown):
         from trailmark.formats.nav2_map import read_mask
 
         found, sources = read_mask(FilePath(path), kind, **scale)
-        zones = (KeepOutZone(region) if kind == "keep-out" else SpeedZone(region, limit) for region, limit in found)
+        make: Callable[[Polygon, float], Zone] = SpeedZone if kind == "speed" else CostZone
+        zones = (make(region, v) if np.isfinite(v) else KeepOutZone(region) for region, v in found)
         boxes = np.array([region.bounding_box() for region, _ in found]).reshape(-1, 4)
         low, high = np.array(self.bounds).reshape(2, 2)
         if kind == "keep-out" and not ((boxes[:, 2:] > low) & (boxes[:, :2] < high)).all(axis=1).any():

@@ -43,18 +43,22 @@ FORMATS = (
 )
 
 
-def read_world(path: Path) -> dict[str, Any]:
+def read_world(path: Path, unknown: bool | None = None) -> dict[str, Any]:
     """Return what a file says of a world, as arguments of :class:`trailmark.World`.
 
     Args:
         path: trailmark YAML (schema version 1), nav2 map YAML, MovingAI ``.map`` (its ``.scen`` beside it gives
             the queries), OMPL.app ``.cfg``, or a PNG grid in which a block marks the start of an exploration.
+        unknown: whether unknown cells of a nav2 map, told apart from the others, are obstacles.
 
     Raises:
+        WorldError: ``unknown`` is given for another format.
         FormatError: the file is missing, unreadable, too large (see :mod:`trailmark.formats.files` and
             :mod:`trailmark.formats.grid` for the limits), of no known format, or breaks its format's rules.
     """
-    fields = _read(read_bytes(path), path)
+    fields = _read(read_bytes(path), path, unknown)
+    if unknown is not None and "unknown" not in fields:
+        raise WorldError(f"unknown: expected a nav2 map, whose cells may be unknown, got {path}")
     if isinstance(fields.get("robot"), dict):
         fields["robot"] = Robot(**fields["robot"])
     fields["queries"] = tuple(q if isinstance(q, Query) else Query(*q) for q in fields.get("queries", ()))
@@ -82,7 +86,7 @@ def _is_world_file(path: Path) -> bool:
         return False
 
 
-def _read(data: bytes, path: Path) -> dict[str, Any]:
+def _read(data: bytes, path: Path, unknown: bool | None) -> dict[str, Any]:
     if data.startswith(b"\x89PNG\r\n\x1a\n"):
         from trailmark.formats.png_grid import read_png_grid
 
@@ -106,7 +110,7 @@ def _read(data: bytes, path: Path) -> dict[str, Any]:
     if "image" in fields:
         from trailmark.formats.nav2_map import read_nav2_map
 
-        return read_nav2_map(fields, path)
+        return read_nav2_map(fields, path, unknown)
     hint = "add the line 'trailmark: 1'; " if "bounds" in fields else ""
     raise FormatError(path, f"no world: the YAML mapping has neither 'trailmark' nor 'image'; {hint}{FORMATS}")
 

@@ -1,0 +1,42 @@
+"""Polygons as GeoJSON or WKT."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from trailmark.errors import FormatError, ShapeError
+from trailmark.formats.files import read_text
+from trailmark.shapes import Shape, shapes_of
+
+__all__ = ["read_polygons"]
+
+ALLOWED = "expected polygons as GeoJSON or WKT"
+
+
+def read_polygons(path: Path) -> list[Shape]:
+    """Return the polygons of a file, in metres of the world; features' properties, points and lines are left aside.
+
+    Args:
+        path: GeoJSON (a geometry, a feature, a collection), or a text of WKT, one geometry in each line.
+
+    Raises:
+        FormatError: the file is missing, is neither, or holds no polygon; or a polygon is not valid.
+    """
+    import shapely
+
+    text = read_text(path, ALLOWED)
+    try:
+        if text.lstrip()[:1] == "{":
+            data = json.loads(text)
+            items = data.get("features", [data]) if isinstance(data, dict) else []
+            shapes = [shapely.from_geojson(json.dumps(item)) for item in items]
+        else:
+            shapes = [shapely.from_wkt(line) for line in text.splitlines() if line.strip()]
+        parts = [part for part in shapely.get_parts(shapely.get_parts(shapes)) if part.area > 0.0]
+        found = [shape for i, part in enumerate(parts) for shape in shapes_of(part, f"polygon {i}")]
+    except (shapely.errors.ShapelyError, ShapeError, ValueError, TypeError, RecursionError) as error:
+        raise FormatError(path, f"{ALLOWED}, got {' '.join(str(error).split())[:120]}") from None
+    if not found:
+        raise FormatError(path, f"{ALLOWED}, got none with an area")
+    return found
