@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import pi
 from typing import Any
 
@@ -18,6 +19,9 @@ from trailmark.world import World
 
 __all__ = ["MotionValidator", "StateValidityChecker", "checker_in", "updated_checker"]
 
+WATCHED = 16
+"""Checks from one call of ``watch`` to the next, for reading a clock takes a tenth of a check."""
+
 
 class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OMPL's bindings carry no types
     """Validity and clearance of configurations, by trailmark's kernels, and by FCL where they leave it open.
@@ -28,6 +32,7 @@ class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OM
 
     Attributes:
         checked: states checked so far.
+        watch: called now and then while states are checked.
 
     Raises:
         SpaceError: a space not made of x, y and heading.
@@ -40,6 +45,7 @@ class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OM
         require_within(self._space, checker.world)
         super().__init__(information)
         self.checked = 0
+        self.watch: Callable[[], None] | None = None
         self._single = PointwiseChecker(checker)
 
     @property
@@ -55,6 +61,8 @@ class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OM
         """Return whether a state is valid."""
         try:
             self.checked += 1
+            if self.watch is not None and not self.checked % WATCHED:
+                self.watch()
             return self._single.valid(state.getX(), state.getY(), state.getYaw())
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
@@ -82,6 +90,7 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
 
     Attributes:
         checked: motions checked so far.
+        watch: called now and then while motions are checked.
         steering: of the cars that the space is for; None if motions are straight.
 
     Raises:
@@ -95,6 +104,7 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         require_within(self._space, checker.world)
         super().__init__(information)
         self.checked = 0
+        self.watch: Callable[[], None] | None = None
         self.steering = steering_of(information)
         self._single = PointwiseChecker(checker, self.steering)
         self._curves = None if self.steering is None else OmplCurves(information, self._single)
@@ -112,6 +122,8 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         """Return whether a motion is certified, its end included; its start is known to be valid."""
         try:
             self.checked += 1
+            if self.watch is not None and not self.checked % WATCHED:
+                self.watch()
             ax, ay, at = first.getX(), first.getY(), first.getYaw()
             bx, by, bt = second.getX(), second.getY(), second.getYaw()
             if self._curves is not None:

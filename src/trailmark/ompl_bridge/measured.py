@@ -1,7 +1,7 @@
 """Measured runs of OMPL's planners: when the first solution came, how the cost fell, what was checked, what was built.
 
-The bindings have no progress properties, so the best cost is read where Python is called anyway: in every
-``CALLS_PER_READING``-th validity or motion check, in the planner's own thread. PRM and PRM* do not report their best
+The bindings have no progress properties, so the best cost is read where Python is called anyway: now and then in a
+validity or motion check, in the planner's own thread. PRM and PRM* do not report their best
 cost; they are run in slices, between which their roadmap stays (:func:`_in_slices`).
 """
 
@@ -18,7 +18,6 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import planning
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.planners import set_parameters
@@ -27,9 +26,6 @@ from trailmark.ompl_bridge.states import path_to_ompl
 from trailmark.trajectories import CurvePath, Path
 
 __all__ = ["Measurement", "graph_size", "measure", "seed_ompl", "silence_ompl", "simplify"]
-
-CALLS_PER_READING = 16
-"""Checks from one reading of the clock to the next, since each takes a tenth of a check."""
 
 READING_PERIOD = 0.0005
 """Seconds between two readings of the best cost."""
@@ -91,7 +87,7 @@ def measure(
     """Run a planner on a problem, whose objective becomes the length of the path.
 
     Args:
-        problem: as set up; its checkers are replaced by ones that also read the best cost.
+        problem: as set up; its checkers count anew.
         name: of one of OMPL's planners.
         limit: seconds.
         parameters: of the planner, by OMPL's names; the others keep their defaults.
@@ -100,7 +96,9 @@ def measure(
         PlannerNameError: the installed OMPL has no planner of that name, or it has no such parameter.
     """
     monitor = _Monitor()
-    _monitor_checks(problem, monitor)
+    parts: list[Any] = [problem.validity, *([] if problem.motions is None else [problem.motions])]
+    for part in parts:
+        part.checked, part.watch = 0, monitor.read
     problem.setup.setOptimizationObjective(ob.PathLengthOptimizationObjective(problem.information))
     monitor.begin = begin = perf_counter()
     planner = problem.set_planner(name)
@@ -113,7 +111,8 @@ def measure(
     else:
         status = _solve(planner, limit - (perf_counter() - begin))
     time = perf_counter() - begin
-    monitor.cost = None  # Else planner, checker and monitor would keep one another alive.
+    for part in parts:
+        part.watch = None  # else planner, checker and monitor would keep one another alive
     return _measurement(problem, monitor, status, time)
 
 
@@ -172,36 +171,6 @@ class _Monitor:
         # OMPL's planners start from an infinite cost or none.
         if isfinite(cost) and cost > 0.0 and (not self.curve or cost < (1.0 - ROUNDING) * self.curve[-1][1]):
             self.curve.append((time, cost))
-
-
-class _MonitoredChecker(StateValidityChecker):
-    monitor: _Monitor
-
-    def isValid(self, state: Any) -> bool:  # noqa: N802  # OMPL's name
-        valid = super().isValid(state)
-        if not self.checked % CALLS_PER_READING:
-            self.monitor.read()
-        return valid
-
-
-class _MonitoredValidator(MotionValidator):
-    monitor: _Monitor
-
-    def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802  # OMPL's name
-        valid = super().checkMotion(first, second)
-        if not self.checked % CALLS_PER_READING:
-            self.monitor.read()
-        return valid
-
-
-def _monitor_checks(problem: SE2Problem, monitor: _Monitor) -> None:
-    problem.validity = checker = _MonitoredChecker(problem.information, problem.checker)
-    checker.monitor = monitor
-    problem.setup.setStateValidityChecker(checker)
-    if problem.motions is not None:
-        problem.motions = validator = _MonitoredValidator(problem.information, problem.checker)
-        validator.monitor = monitor
-        problem.information.setMotionValidator(validator)
 
 
 def _in_slices(problem: SE2Problem, planner: Any, monitor: _Monitor, limit: float) -> Any:
