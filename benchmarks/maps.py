@@ -93,7 +93,7 @@ def victoria(runs: int) -> Iterator[Claim]:
 
     path = data_folder() / "victoria" / "victoria_park.txt"
     # The graph takes the file's noise as it is stated, which a fit would find to be far too small.
-    mapped = map_log(load_log(path), MapSettings(fit_noise="off"))
+    mapped = map_log(load_log(path), MapSettings(fit_noise=False))
     assert mapped.slam is not None
     found = {f.identity: f.mean for f in mapped.slam.features if f.identity is not None}
     graph, initial = gtsam.load2D(str(path))
@@ -213,7 +213,7 @@ def start(runs: int) -> Iterator[Claim]:
 def _judged(noise: float, laps: int, seed: int) -> tuple[float, float, int, float, int]:
     """Return pose NEES, joint map NEES, landmarks, summed NIS and its degrees of freedom of one simulated run."""
     log, truth, sensor, motion = _loop(noise, laps, seed)
-    slam = EkfSlam({"range-bearing": sensor}, velocity=motion, start=truth[0, 1:])
+    slam = EkfSlam(sensor, velocity=motion, start=truth[0, 1:])
     result = slam.run(log.records)
     places = {int(i): np.array([x, y]) for i, x, y in log.landmarks}
     error = slam.filter.pose - truth[-1, 1:]

@@ -184,11 +184,11 @@ def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> Non
         return sum(shape.area for shape in World.load(tmp_path / "world.yaml").obstacles)
 
     plain = areas()
+    counts = "stated_noise: false, fit_noise: off"
     assert (
-        areas(*given(tmp_path, "{range_bearing: {sigma_range: 0.3, sigma_bearing: 0.1}, stated_noise: false}"))
-        > 1.2 * plain
+        areas(*given(tmp_path, f"{{range_bearing: {{sigma_range: 0.3, sigma_bearing: 0.1}}, {counts}}}")) > 1.2 * plain
     )
-    velocity = given(tmp_path, "{velocity: {sigma_v: 0.1, sigma_omega: 0.1}, stated_noise: false}")
+    velocity = given(tmp_path, f"{{velocity: {{sigma_v: 0.1, sigma_omega: 0.1}}, {counts}}}")
     assert areas(*velocity) > plain  # but little, since obstacles are relative to the map
     assert areas(*given(tmp_path, "robot_sigma: [0.2, 0]")) > 1.2 * plain
     assert areas("--start", START) > 1.2 * plain
@@ -196,7 +196,7 @@ def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> Non
     assert areas("--start", START, "--frame", "map") == pytest.approx(plain, rel=1e-3)
     assert {estimate.frame for estimate in World.load(tmp_path / "world.yaml").estimates if estimate} == {"map"}
     assert areas(*given(tmp_path, "radius_sigma: 0.05")) > 1.2 * plain
-    assert areas(*given(tmp_path, "slam: {association: nearest, confirm: 3, outlier_gate: null}")) > 0.0
+    assert areas(*given(tmp_path, "slam: {association: joint, confirm: 3}")) > 0.0
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from tests.test_arguments import WRONG
 
 from trailmark import Disc, Robot, TrailmarkError, World, estimation
 from trailmark.estimation import (
-    Cartesian,
     Detection,
     Detector,
     EkfSlam,
@@ -57,7 +56,6 @@ def filled() -> SlamFilter:
 def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     """Return the public ways in, each with arguments that are right."""
     file.write_text('{"trailmark_log": 1}\n{"type": "odometry", "t": 0.0, "v": 1.0, "omega": 0.0}\n')
-    mapping = SlamFilter(mode="mapping")
     return {
         "load_log": (estimation.load_log, {"path": file} | READ),
         "save_log": (estimation.save_log, {"log": LOG, "path": file.with_name("new.jsonl")}),
@@ -97,13 +95,13 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "regrow": (estimation.regrow, {"world": GROWN, "confidence": 0.9, "weights": None, "pose_covariance": None}),
         "refined": (estimation.refined, {"world": GROWN, "estimates": {0: ESTIMATE}}),
         "path_risk": (estimation.path_risk, {"world": GROWN, "states": PATH, "draws": 10, "seed": 0, "margin": 0.0}),
-        "SlamFilter": (SlamFilter, {"pose": PATH[0], "P": np.eye(3), "mode": "slam", "iterations": 1}),
+        "SlamFilter": (SlamFilter, {"pose": PATH[0], "P": np.eye(3), "curvature": 1.0}),
         "predict": (
             lambda **given: filled().predict(**given),
             {"motion": MOTION, "u": (1.0, 0.1, 0.1), "Q": np.eye(2)},
         ),
-        "set_pose": (mapping.set_pose, {"pose": PATH[0], "P": np.eye(3)}),
-        "predict_readings": (lambda **given: filled().predict_readings(**given), {"sensor": SENSOR, "ids": None}),
+        "set_pose": (filled().set_pose, {"pose": PATH[0], "P": np.eye(3)}),
+        "predict_readings": (lambda **given: filled().predict_readings(**given), {"sensor": SENSOR}),
         "innovation": (
             lambda **given: filled().innovation(**given),
             {"z": (2.0, 0.5), "sensor": SENSOR, "feature_id": 0, "R": None},
@@ -122,13 +120,12 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"feature": (2.0, 0.5), "P": np.eye(2)},
         ),
         "remove_feature": (lambda **given: filled().remove_feature(**given), {"feature_id": 0}),
-        "merge_features": (lambda **given: filled().merge_features(**given), {"keep": 0, "drop": 1}),
         "feature": (filled().feature, {"feature_id": 0}),
         "feature_covariance": (filled().feature_covariance, {"feature_id": 0}),
         "EkfSlam": (
             EkfSlam,
             {
-                "sensors": {"range-bearing": SENSOR},
+                "sensor": SENSOR,
                 "velocity": MOTION,
                 "increment": None,
                 "settings": None,
@@ -153,21 +150,20 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             lambda **given: slam().run([Detection(**given)]),
             {"t": 0.0, "z": (1.0, 1.0), "kind": "range-bearing", "identity": 3, "covariance": None},
         ),
-        "SlamSettings": (SlamSettings, {"association": "known", "gate": 0.9, "merge_gate": 0.9, "confirm": 2}),
+        "SlamSettings": (SlamSettings, {"association": "known", "confirm": 2}),
         "ScanSettings": (ScanSettings, {"sigma_range": 0.1, "max_range": 9.0}),
         "MappingSettings": (MappingSettings, {"pose_sigma": (0.1, 0.1), "cell": 0.1}),
         "MapSettings": (MapSettings, {"slam": SlamSettings(), "radius": 1.0, "start": None, "stated_noise": True}),
         "Unicycle": (Unicycle, {"sigma_v": 0.1, "sigma_omega": 0.1, "alpha": (0.0, 0.0, 0.0, 0.0), "period": None}),
         "PoseIncrement": (PoseIncrement, {"sigma_x": 0.1, "sigma_y": 0.1, "sigma_theta": 0.1, "growth": (0, 0, 0)}),
         "RangeBearing": (RangeBearing, {"sigma_range": 0.1, "sigma_bearing": 0.1, "growth": 0.1}),
-        "Cartesian": (Cartesian, {"sigma_x": 0.1, "sigma_y": 0.1}),
         "Detector": (Detector, {"model": SENSOR, "max_range": 1.0, "identities": True, "detection_rate": 0.5}),
         "Scanner": (Scanner, {"beams": 3, "field_of_view": 1.0, "mount": (0, 0, 0), "bounds": True, "drop_out": 0.1}),
     }
 
 
 def slam() -> EkfSlam:
-    return EkfSlam({"range-bearing": SENSOR}, velocity=MOTION, increment=PoseIncrement(0.1, 0.1, 0.1))
+    return EkfSlam(SENSOR, velocity=MOTION, increment=PoseIncrement(0.1, 0.1, 0.1))
 
 
 NAMES = list(entries(Path(os.devnull)))
@@ -203,5 +199,5 @@ def test_all_public_callables_are_tried() -> None:
         "MappedLog",
         "ScanMap",
     }
-    values |= {"MotionModel", "SensorModel", "Pose", "Scan", "Log", "Simulation", "SlamResult"}
+    values |= {"MotionModel", "Pose", "Scan", "Log", "Simulation", "SlamResult"}
     assert set(estimation.__all__) - set(NAMES) == values - {"MapFeature"}

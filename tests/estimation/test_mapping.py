@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
-from shapely import affinity
 from tests.helpers.alignment import aligned
 
 from trailmark.estimation import (
-    Cartesian,
     Detection,
     Detector,
     EstimationError,
@@ -35,7 +34,7 @@ from trailmark.estimation import (
 )
 from trailmark.estimation.association import Counts
 from trailmark.estimation.ekf_slam import Assignment, MapFeature, SlamResult
-from trailmark.estimation.mapped_log import MappedLog, association_doubts, gap_warnings, log_warnings
+from trailmark.estimation.mapping import MappedLog, association_doubts, gap_warnings, log_warnings
 from trailmark.estimation.obstacles import disc_estimates
 from trailmark.estimation.records import Record
 from trailmark.se2 import compose
@@ -144,19 +143,16 @@ def test_queries_start_and_end_where_the_robot_was_and_stands_free(confidence: f
 
 @pytest.mark.slow
 def test_stated_noise_counts_unless_told_otherwise() -> None:
-    def spread(settings: MapSettings) -> float:
-        world = map_log(log, settings).world
+    def spread(**settings: Any) -> float:
+        world = map_log(log, MapSettings(fit_noise=False, **settings)).world
         return float(np.mean([np.trace(estimate.covariance) for estimate in world.estimates if estimate]))
 
     log = recorded(increments=True)
     log = log._replace(records=log.records[: len(log.records) // 2])
-    loose = MapSettings(range_bearing=RangeBearing(0.5, 0.2), cartesian=Cartesian(0.5, 0.5))
-    stated = spread(MapSettings())
-    assert spread(loose) == stated
-    assert spread(replace(loose, stated_noise=False)) > 2.0 * stated
-    drifts = PoseIncrement(0.05, 0.05, 0.05)
-    assert spread(MapSettings(increment=drifts)) == stated
-    assert spread(MapSettings(increment=drifts, stated_noise=False)) > stated
+    loose: dict[str, Any] = {"range_bearing": RangeBearing(0.5, 0.2), "increment": PoseIncrement(0.05, 0.05, 0.05)}
+    stated = spread()
+    assert spread(**loose) == stated
+    assert spread(**loose, stated_noise=False) > 2.0 * stated
 
 
 @pytest.mark.slow
@@ -177,25 +173,10 @@ def test_scans_are_mapped_from_the_poses_that_detections_give() -> None:
 
 
 @pytest.mark.slow
-def test_scans_by_odometry_alone_say_that_they_drift() -> None:
-    log = without(recorded(scanner=True), Detection)
-    mapped = map_log(log, MapSettings(start=START, poses="odometry"))
-    assert (mapped.poses, mapped.slam) == ("odometry", None)
-    np.testing.assert_allclose(mapped.trajectory[0, 1:], START, atol=1e-6)
-    np.testing.assert_allclose(mapped.trajectory[-1, 1:3], WAY[-1], atol=1.0)
-    assert any("drift" in note for note in mapped.notes)
-    origin = map_log(log, MapSettings(poses="odometry"))
-    x, y, theta = START
-    turned = affinity.rotate(shapely.LineString(origin.trajectory[:, 1:3]), theta, origin=(0.0, 0.0), use_radians=True)
-    moved = np.array([x, y]) + shapely.get_coordinates(turned)
-    np.testing.assert_allclose(moved, mapped.trajectory[:, 1:3], atol=1e-9)
-
-
-@pytest.mark.slow
-def test_scans_are_matched_by_default() -> None:
+def test_scans_are_matched_by_default_and_by_odometry_alone_they_drift() -> None:
     log = recorded(scanner=True)
     mapped, drifting = matched()[0], map_log(log, MapSettings(start=START, poses="odometry"))
-    assert (mapped.poses, mapped.slam) == ("match", None)
+    assert (mapped.poses, mapped.slam, drifting.poses, drifting.slam) == ("match", None, "odometry", None)
     matching = mapped.figures()["matching"]
     assert matching["nodes"] > 10
     assert matching["relations"] >= matching["nodes"] - 1
@@ -204,6 +185,8 @@ def test_scans_are_matched_by_default() -> None:
     places = np.column_stack([np.interp(t, true[:, 0], true[:, 1]), np.interp(t, true[:, 0], true[:, 2])])
     off = [float(np.hypot(*(m.trajectory[:, 1:3] - places).T).max()) for m in (mapped, drifting)]
     assert off[0] < 0.1 < off[1]
+    assert any("drift" in note for note in drifting.notes)
+    np.testing.assert_allclose(drifting.trajectory[0, 1:], START, atol=1e-6)
 
 
 def test_stated_poses_are_taken_between_records() -> None:
@@ -235,20 +218,15 @@ def test_misread_identities_are_refused_be_they_few_or_many() -> None:
             records.append(record)
         return log._replace(records=tuple(records))
 
-    few = map_log(spoiled(100), MapSettings(start=START))
-    assert few.slam is not None
-    detections = few.slam.counts.detections
-    assert 0 < few.slam.counts.outliers <= 0.02 * detections
-    found = np.array([disc.center for disc in discs(few.world)])
-    assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
-    many = map_log(spoiled(5), MapSettings(start=START))
-    assert many.slam is not None
-    assert 0.15 * detections < many.slam.counts.outliers < 0.3 * detections
-    found = np.array([disc.center for disc in discs(many.world)])
-    assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
+    detections = sum(isinstance(record, Detection) for record in log.records)
+    for every, low, high in ((100, 0.0, 0.02), (5, 0.15, 0.3)):
+        mapped = map_log(spoiled(every), MapSettings(start=START))
+        assert mapped.slam is not None
+        assert low < mapped.slam.counts.outliers / detections <= high
+        found = np.array([disc.center for disc in discs(mapped.world)])
+        assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 @pytest.mark.parametrize("velocities", [False, True])
 def test_whole_second_stamps_change_nothing(velocities: bool) -> None:

@@ -13,8 +13,8 @@ from tests.support.trials import trials
 
 from trailmark.estimation import Detector, RangeBearing, Unicycle, simulate
 from trailmark.estimation.landmark_graph import polar_readings, relative_covariance
-from trailmark.estimation.models import Cartesian, PoseIncrement
-from trailmark.estimation.noise_fit import Batch, correlation_time, inflation, misfit, scale, updated_variances
+from trailmark.estimation.models import PoseIncrement
+from trailmark.estimation.noise_fit import Batch, correlation_time, disagreement, misfit, scale, updated_variances
 from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Detection, Log, Odometry, Pose, Record
 from trailmark.shapes import Disc
@@ -55,7 +55,7 @@ def case(records: list[Record], sensor: RangeBearing = SENSOR, motion: Unicycle 
     order = sorted(landmarks)
     feature = np.array([order.index(detection.identity or 0) for detection in detections])
     track = OdometryTrack(records)
-    readings = polar_readings(detections, instants, sensor, Cartesian(0.1, 0.1))
+    readings = polar_readings(detections, instants, sensor)
     variances = track.stated_variances(motion, PoseIncrement(0.1, 0.1, 0.1))
     unwrapped = np.unwrap(truth[:, 3])
     poses = np.column_stack(
@@ -87,7 +87,7 @@ def test_right_noise_is_left_as_it_is() -> None:
     assert not found.overstated
     assert found.ratios["range"] == pytest.approx(1.0, abs=0.25)
     assert (estimate.feature >= 0).mean() > 0.999
-    assert inflation(given.batch, estimate) < 1.8
+    assert disagreement(given.batch, estimate) == 1.0
 
 
 def test_errors_that_last_for_half_of_a_log_are_seen_in_its_halves() -> None:
@@ -101,7 +101,7 @@ def test_errors_that_last_for_half_of_a_log_are_seen_in_its_halves() -> None:
     ]
     given = case(bent)
     estimate = given.batch.solve(given.poses, given.places(), given.feature)
-    assert inflation(given.batch, estimate) > 3.0
+    assert disagreement(given.batch, estimate) > 3.0
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from trailmark.cli.map_settings import read_map_settings
 from trailmark.cli.options import JsonOption, OutputFile, PlotOption, Pose, RobotSpec, UsageError, flag, option
 
 if TYPE_CHECKING:
-    from trailmark.estimation.mapped_log import MappedLog
+    from trailmark.estimation.mapping import MappedLog
     from trailmark.estimation.records import Log
 
 __all__ = ["map_log"]

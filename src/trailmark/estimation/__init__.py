@@ -18,13 +18,11 @@ if TYPE_CHECKING:
     from trailmark.estimation.errors import RecordError as RecordError
     from trailmark.estimation.map_settings import MappingSettings as MappingSettings
     from trailmark.estimation.map_settings import MapSettings as MapSettings
-    from trailmark.estimation.mapped_log import MappedLog as MappedLog
+    from trailmark.estimation.mapping import MappedLog as MappedLog
     from trailmark.estimation.mapping import map_log as map_log
-    from trailmark.estimation.models import Cartesian as Cartesian
     from trailmark.estimation.models import MotionModel as MotionModel
     from trailmark.estimation.models import PoseIncrement as PoseIncrement
     from trailmark.estimation.models import RangeBearing as RangeBearing
-    from trailmark.estimation.models import SensorModel as SensorModel
     from trailmark.estimation.models import Unicycle as Unicycle
     from trailmark.estimation.obstacles import ScanMap as ScanMap
     from trailmark.estimation.obstacles import disc_estimates as disc_estimates
@@ -58,9 +56,8 @@ _NAMES = {
     "ekf_slam": "EkfSlam SlamResult",
     "errors": "EstimationError NotCertifiedError RecordError",
     "map_settings": "MapSettings MappingSettings",
-    "mapped_log": "MappedLog",
-    "mapping": "map_log",
-    "models": "Cartesian MotionModel PoseIncrement RangeBearing SensorModel Unicycle",
+    "mapping": "MappedLog map_log",
+    "models": "MotionModel PoseIncrement RangeBearing Unicycle",
     "obstacles": "ScanMap disc_estimates map_scans wall_estimate",
     "readers": "load_log save_log",
     "records": "Detection Increment Log Odometry Pose Scan",

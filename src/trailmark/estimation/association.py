@@ -16,48 +16,47 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.arguments import Count, PositiveOrInfinite, Probability, checked_fields
+from trailmark.arguments import Count, checked_fields
 from trailmark.estimation.covariance import chi_square_quantile
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.models import SensorModel
+from trailmark.estimation.models import RangeBearing
 from trailmark.estimation.records import Detection
 from trailmark.estimation.slam_filter import Prediction, SlamFilter
 from trailmark.se2 import FloatArray
 
-AssociationMethod = Literal["known", "nearest", "joint"]
+AssociationMethod = Literal["known", "joint"]
+IntArray = NDArray[np.intp]
+
+NEW = -1  # Stands for a feature not seen before.
+IGNORED = -2  # Stands for no feature: the reading is ambiguous.
 
 
 @dataclass(frozen=True)
 class SlamSettings:
     """How readings find their features, and when a feature counts.
 
-    The choice "auto" is for :func:`trailmark.estimation.map_log`, which reads the whole log before it runs.
-
     Raises:
         EstimationError: a value that is not allowed.
     """
 
-    #: "known": by the identity that the sensor reports; "nearest": gated nearest neighbour; "joint": JCBB; "auto":
-    #: known if any detection of the log has an identity, else joint.
+    #: "known": by the identity that the sensor reports; "joint": by joint compatibility (JCBB); "auto": known if any
+    #: detection of the log has an identity, else joint, which :func:`trailmark.estimation.map_log` alone can tell.
     association: AssociationMethod | Literal["auto"] = "known"
-    #: Probability that a reading passes the gate of its own feature; also of JCBB's joint gate.
-    gate: Probability = 0.99
-    #: Probability that a reading of a feature passes that feature's second gate: what passes none is new.
-    new_gate: Probability = 0.999999
-    #: Without identities: whether a reading whose near features all went to others of its instant shows a new one.
-    distinct: bool = False
-    #: Without identities: probability that two estimates of one point pass as one; None merges none.
-    merge_gate: Probability | None = None
-    #: With known identities: probability that a reading passes, those that do not are ignored; None lets all pass.
-    #: "auto": 0.9999; where much fails it, the noise is estimated.
-    outlier_gate: Probability | Literal["auto"] | None = None
     confirm: Count = 3  #: Readings after which a feature is confirmed. One of known identity is from the first on.
-    timeout: PositiveOrInfinite = 10.0  #: Seconds without a reading after which a tentative feature is dropped.
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)
-        if self.gate > self.new_gate:
-            raise EstimationError(f"SlamSettings: expected gate <= new_gate, got {self.gate}, {self.new_gate}")
+
+
+class Gates(NamedTuple):
+    """What the distances of readings and features are held against, as probabilities that good ones pass.
+
+    Real readings have more outliers than Gaussian ones, so that what is a little too far off counts as new.
+    """
+
+    own: float = 0.99  # of a reading at its own feature; of JCBB's joint gate, too
+    new: float = 0.9999  # of a reading at a feature: what passes none is new
+    known: float | None = None  # of a reading with an identity, others are ignored; None lets all pass
 
 
 @dataclass
@@ -73,26 +72,15 @@ class Counts:
     unidentified: int = 0  # Detections without the identity that the association asks for, ignored.
     not_estimated_from: int = 0  # Poses that are truth or a reference, and scans.
     dropped: int = 0  # Tentative features that were not seen again in time.
-    merged: int = 0  # Features that turned out to be another one.
     cut_short: int = 0  # Joint associations whose search was cut short.
-
-
-NEW = -1  # Stands for a feature not seen before.
-IGNORED = -2  # Stands for no feature: the reading is ambiguous.
-
-IntArray = NDArray[np.intp]
 
 
 class Compatibility(NamedTuple):
     """How well each of r readings fits each of k features by itself."""
 
-    y: FloatArray  # z − ẑ, shape (r, k, m).
-    R: FloatArray  # Covariance of each reading, were it of that feature, shape (r, k, m, m).
+    y: FloatArray  # z − ẑ, shape (r, k, 2).
+    R: FloatArray  # Covariance of each reading, were it of that feature, shape (r, k, 2, 2).
     d2: FloatArray  # yᵀ S⁻¹ y, shape (r, k).
-
-    def select(self, which: IntArray) -> Compatibility:
-        """Return the fit to some of the features only, by their numbers in this one, shape (j,)."""
-        return Compatibility(self.y[:, which], self.R[:, which], self.d2[:, which])
 
 
 class JointAssociation(NamedTuple):
@@ -104,54 +92,22 @@ class JointAssociation(NamedTuple):
 
 
 def compatibility(
-    z: ArrayLike, prediction: Prediction, sensor: SensorModel, stated: Sequence[FloatArray | None] | None = None
+    z: FloatArray, prediction: Prediction, sensor: RangeBearing, stated: Sequence[FloatArray | None]
 ) -> Compatibility:
-    """Return how well each reading fits each feature by itself; O(r k).
+    """Return how well each reading, shape (r, 2), fits each of k features by itself; O(r k).
 
-    Args:
-        z: readings, shape (r, m).
-        prediction: of k features.
-        sensor: what read them.
-        stated: for each reading its covariance (m, m) where the log states one, else None; None where it never does.
+    ``stated`` holds for each reading its covariance (2, 2) where the log states one, else None.
     """
-    readings = np.asarray(z, dtype=np.float64).reshape(-1, sensor.reading_dim)
-    y = sensor.residual(readings[:, None], prediction.z_hat[None])
-    R = np.broadcast_to(prediction.R, (len(readings), *prediction.R.shape))
-    S = prediction.S
-    if stated is not None and any(covariance is not None for covariance in stated):
-        R = R.copy()
-        for i, covariance in enumerate(stated):
-            if covariance is not None:
-                R[i] = covariance
-        S = S - prediction.R + R
-    d2 = (y[..., None, :] @ np.linalg.inv(S) @ y[..., None])[..., 0, 0]
+    y = sensor.residual(z[:, None], prediction.z_hat[None])
+    R = np.repeat(prediction.R[None], len(z), axis=0)
+    for own, covariance in zip(R, stated, strict=True):
+        if covariance is not None:
+            own[:] = covariance
+    d2 = (y[..., None, :] @ np.linalg.inv(prediction.S - prediction.R + R) @ y[..., None])[..., 0, 0]
     return Compatibility(y, R, d2)
 
 
-def nearest(d2: ArrayLike, gate: float, new_gate: float) -> IntArray:
-    """Return for each reading its nearest feature, if within the gate, or NEW or IGNORED, shape (r,).
-
-    A feature takes one reading of an instant, the nearest. A reading whose nearest feature takes another one is
-    ignored: it does not go to its second nearest.
-
-    Args:
-        d2: squared Mahalanobis distances, shape (r, k).
-        gate: largest d² of a reading to its own feature.
-        new_gate: least d² of a reading of a new feature to all others, >= gate.
-    """
-    distance = np.asarray(d2, dtype=np.float64)
-    assigned = np.full(len(distance), NEW, dtype=np.intp)
-    if distance.size == 0:
-        return assigned
-    feature, least = distance.argmin(axis=1), distance.min(axis=1)
-    assigned[least <= new_gate] = IGNORED
-    for i in np.argsort(least, kind="stable"):
-        if least[i] <= gate and feature[i] not in assigned:
-            assigned[i] = feature[i]
-    return assigned
-
-
-def distinct(assigned: ArrayLike, d2: ArrayLike, new_gate: float) -> IntArray:
+def distinct(assigned: ArrayLike, d2: FloatArray, new_gate: float) -> IntArray:
     """Return the association, shape (r,), in which an ignored reading is new if it can be of no feature known so far.
 
     The readings of an instant are of distinct features. A reading near features that all went to other readings of
@@ -162,10 +118,10 @@ def distinct(assigned: ArrayLike, d2: ArrayLike, new_gate: float) -> IntArray:
         d2: squared Mahalanobis distances, shape (r, k).
         new_gate: least d² of a reading of a new feature to all features that are left.
     """
-    result, distance = np.array(assigned, dtype=np.intp), np.asarray(d2, dtype=np.float64)
-    left = np.ones(distance.shape[1], dtype=bool)
+    result = np.array(assigned, dtype=np.intp)
+    left = np.ones(d2.shape[1], dtype=bool)
     left[result[result >= 0]] = False
-    near = (distance[:, left] <= new_gate).any(axis=1)
+    near = (d2[:, left] <= new_gate).any(axis=1)
     result[(result == IGNORED) & ~near] = NEW
     return result
 
@@ -173,10 +129,8 @@ def distinct(assigned: ArrayLike, d2: ArrayLike, new_gate: float) -> IntArray:
 def joint_compatibility(
     compatible: Compatibility,
     joint: FloatArray,
-    gate: float,
-    new_gate: float,
+    gates: Gates,
     *,
-    probability: float,
     node_limit: int = 20_000,
 ) -> JointAssociation:
     """Return the largest set of pairs that fit together: Neira & Tardós 2001's JCBB (IEEE T-RA 17(6), 890–897).
@@ -188,16 +142,14 @@ def joint_compatibility(
 
     Args:
         compatible: of r readings and k features.
-        joint: H P Hᵀ of the features' readings together, shape (k, m, k, m).
-        gate: largest d² of a reading to its own feature.
-        new_gate: least d² of a reading of a new feature to all others, >= gate.
-        probability: of the joint gate, in (0, 1).
+        joint: H P Hᵀ of the features' readings together, shape (k, 2, k, 2).
+        gates: of single readings and of all together.
         node_limit: how many sets to consider; the number grows exponentially where many features are close together.
     """
-    r, k, m = compatible.y.shape
-    rows = compatible.d2
+    (r, k), rows = compatible.d2.shape, compatible.d2
+    gate, new_gate = chi_square_quantile([gates.own, gates.new], 2)
     candidates = [np.flatnonzero(row <= gate)[np.argsort(row[row <= gate], kind="stable")].tolist() for row in rows]
-    limits = np.concatenate([[0.0], chi_square_quantile(probability, m * np.arange(1, r + 1))])
+    limits = np.concatenate([[0.0], chi_square_quantile(gates.own, 2 * np.arange(1, r + 1))])
     best, nodes = _Pairs((), np.zeros((0, 0)), np.zeros(0), 0.0), 0
 
     def may_win(found: _Pairs, i: int) -> bool:
@@ -234,49 +186,39 @@ def joint_compatibility(
 
 
 class Associator:
-    """Assigns detections to a filter's features, and counts what it leaves out.
+    """Assigns detections to a filter's features, and counts what it leaves out; the filter is only read."""
 
-    Args:
-        ekf: the filter; it is only read.
-        settings: by identity, nearest neighbour or joint compatibility, and the gates.
-        counts: where detections that are left out are counted.
-    """
+    def __init__(
+        self, ekf: SlamFilter, sensor: RangeBearing, association: AssociationMethod, gates: Gates, counts: Counts
+    ) -> None:
+        self._filter, self._sensor, self._association = ekf, sensor, association
+        self._gates, self._counts = gates, counts
 
-    def __init__(self, ekf: SlamFilter, settings: SlamSettings, counts: Counts) -> None:
-        self._filter, self._settings, self._counts = ekf, settings, counts
-
-    def assign(self, sensor: SensorModel, detections: Sequence[Detection], ids: Mapping[int, int]) -> list[int]:
-        """Return the feature's id of each detection, or NEW or IGNORED."""
-        if self._settings.association == "known":
-            return [self._known(sensor, detection, ids) for detection in detections]
-        settings = self._settings
-        prediction = self._filter.predict_readings(sensor)
-        gate, new_gate = chi_square_quantile([settings.gate, settings.new_gate], sensor.reading_dim)
-        z, stated = [detection.z for detection in detections], [detection.covariance for detection in detections]
-        fit = compatibility(z, prediction, sensor, stated)
-        if settings.association == "nearest":
-            assigned = nearest(fit.d2, gate, new_gate)
-        else:
-            # Features that no reading comes near have no part in it, and would make it slow.
-            near = np.flatnonzero((fit.d2 <= new_gate).any(axis=0))
-            prediction, fit = prediction.select(near), fit.select(near)
-            joint = self._filter.joint_covariance(prediction)
-            found = joint_compatibility(fit, joint, gate, new_gate, probability=settings.gate)
-            assigned = found.assigned
-            self._counts.cut_short += not found.complete
-        if settings.distinct:
-            assigned = distinct(assigned, fit.d2, new_gate)
+    def assign(self, detections: Sequence[Detection], ids: Mapping[int, int]) -> list[int]:
+        """Return the feature's id of each detection, or NEW or IGNORED; ``ids`` are those of known identities."""
+        if self._association == "known":
+            return [self._known(detection, ids) for detection in detections]
+        prediction, gates = self._filter.predict_readings(self._sensor), self._gates
+        new_gate = float(chi_square_quantile(gates.new, 2))
+        z = np.array([detection.z for detection in detections], dtype=np.float64)
+        fit = compatibility(z, prediction, self._sensor, [detection.covariance for detection in detections])
+        # Features that no reading comes near have no part in it, and would make it slow.
+        near = np.flatnonzero((fit.d2 <= new_gate).any(axis=0))
+        prediction, fit = prediction.select(near), Compatibility(*(part[:, near] for part in fit))
+        found = joint_compatibility(fit, self._filter.joint_covariance(prediction), gates)
+        assigned = distinct(found.assigned, fit.d2, new_gate)
+        self._counts.cut_short += not found.complete
         self._counts.ambiguous += int(np.count_nonzero(assigned == IGNORED))
         return [prediction.ids[j] if j >= 0 else int(j) for j in assigned]
 
-    def _known(self, sensor: SensorModel, detection: Detection, ids: Mapping[int, int]) -> int:
+    def _known(self, detection: Detection, ids: Mapping[int, int]) -> int:
         if detection.identity is None:
             self._counts.unidentified += 1
             return IGNORED
         feature = ids.get(detection.identity, NEW)
-        if feature != NEW and self._settings.outlier_gate is not None:
-            innovation = self._filter.innovation(detection.z, sensor, feature, detection.covariance)
-            if innovation.nis > chi_square_quantile(self._settings.outlier_gate, innovation.dof):
+        if feature != NEW and self._gates.known is not None:
+            innovation = self._filter.innovation(detection.z, self._sensor, feature, detection.covariance)
+            if innovation.nis > chi_square_quantile(self._gates.known, 2):
                 self._counts.outliers += 1
                 return IGNORED
         return feature
@@ -301,14 +243,14 @@ class _Pairs(NamedTuple):
 def _extended(found: _Pairs, i: int, j: int, compatible: Compatibility, joint: FloatArray) -> _Pairs:
     """Return the pairs with reading i as one of feature j, too."""
     y, R, _ = compatible
-    m, size = y.shape[2], len(found.scaled)
+    size = len(found.scaled)
     others = [other for _, other in found.pairs]
-    cross = joint[j][:, others].reshape(m, size)
+    cross = joint[j][:, others].reshape(2, size)
     # Cholesky by blocks: S = [S₁, Cᵀ; C, S₂], L = [L₁, 0; C L₁⁻ᵀ, L₂].
     C = cross @ found.L_inverse.T
     corner = np.linalg.inv(np.linalg.cholesky(joint[j, :, j] + R[i, j] - C @ C.T))
     tail = corner @ (y[i, j] - C @ found.scaled)
-    L_inverse = np.zeros((size + m, size + m))
+    L_inverse = np.zeros((size + 2, size + 2))
     L_inverse[:size, :size], L_inverse[size:, size:] = found.L_inverse, corner
     L_inverse[size:, :size] = -corner @ C @ found.L_inverse
     scaled = np.concatenate([found.scaled, tail])

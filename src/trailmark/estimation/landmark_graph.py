@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.covariance import chi_square_quantile
-from trailmark.estimation.models import Cartesian, RangeBearing
+from trailmark.estimation.models import RangeBearing
 from trailmark.estimation.records import Detection
 from trailmark.se2 import FloatArray, wrap
 
@@ -40,29 +40,19 @@ class Readings(NamedTuple):
     stated: bool  # whether the log states all covariances
 
 
-def polar_readings(
-    detections: Sequence[Detection], instants: FloatArray, range_bearing: RangeBearing, cartesian: Cartesian
-) -> Readings:
-    """Return detections of either kind as ranges and bearings, with the models' noise where they state none.
+def polar_readings(detections: Sequence[Detection], instants: FloatArray, sensor: RangeBearing) -> Readings:
+    """Return detections by range and bearing, with the sensor's noise where they state none.
 
     The times of all detections are among the instants, shape (m,), ascending.
     """
     n = len(detections)
     z = np.array([detection.z for detection in detections], dtype=np.float64).reshape(n, 2)
-    flat = np.array([detection.kind == "cartesian" for detection in detections], dtype=bool)
     own = np.zeros((n, 2, 2))
-    own[:, 0, 0] = (range_bearing.sigma_range * (1.0 + range_bearing.growth * np.maximum(z[:, 0], 0.0))) ** 2
-    own[:, 1, 1] = range_bearing.sigma_bearing**2
-    own[flat] = np.diag([cartesian.sigma_x**2, cartesian.sigma_y**2])
+    own[:, 0, 0] = (sensor.sigma_range * (1.0 + sensor.growth * np.maximum(z[:, 0], 0.0))) ** 2
+    own[:, 1, 1] = sensor.sigma_bearing**2
     stated = np.array([detection.covariance is not None for detection in detections], dtype=bool)
     if stated.any():
         own[stated] = [detection.covariance for detection in detections if detection.covariance is not None]
-    if flat.any():
-        x, y = z[flat].T
-        r = np.maximum(np.hypot(x, y), 1e-6)
-        J = np.array([[x / r, y / r], [-y / r**2, x / r**2]]).transpose(2, 0, 1)
-        own[flat] = J @ own[flat] @ J.transpose(0, 2, 1)
-        z[flat] = np.column_stack([r, np.arctan2(y, x)])
     times = np.array([detection.t for detection in detections], dtype=np.float64)
     return Readings(np.searchsorted(instants, times), z, own, bool(n and stated.all()))
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from trailmark.estimation.association import AssociationMethod, SlamSettings
+from trailmark.estimation.association import AssociationMethod, Gates
 from trailmark.estimation.covariance import checked_covariance
 from trailmark.estimation.ekf_slam import CURVATURE, EkfSlam, MapFeature, SlamResult
 from trailmark.estimation.errors import EstimationError
@@ -24,7 +24,8 @@ from trailmark.estimation.landmark_graph import (
     turned,
 )
 from trailmark.estimation.map_settings import MappingSettings, MapSettings
-from trailmark.estimation.noise_fit import Batch, figures, inflation, misfit
+from trailmark.estimation.models import as_range_bearing
+from trailmark.estimation.noise_fit import Batch, disagreement, figures, misfit
 from trailmark.estimation.noise_fit import scale as scale_of
 from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Detection, Increment, Log, Pose, Record, Scan, first_pose
@@ -40,6 +41,19 @@ SUREST = 1e-6  # Metres (and radians): no sensor errs less, and a reading withou
 MANY = 0.01
 _ALLOWED = "expected values that a robot can have"
 _REPORT_EVERY = 64  # Records from one report of progress to the next.
+# Least number of features that make a frame of their own: of the 2 m coordinates of fewer, the 3 degrees of freedom
+# of a rigid motion are half or more, and of one feature all.
+FEWEST = 4
+
+
+class BatchResult(NamedTuple):
+    """What a batch makes of a log that EKF-SLAM went through."""
+
+    # Poses and features of the batch, with covariances in the start's frame; the rest as EKF-SLAM had it.
+    result: SlamResult
+    # Covariance of each feature in the frame that the features make, shape (m, 2, 2); None for fewer than FEWEST.
+    relative: FloatArray | None
+    figures: dict[str, Any]  # What was found, as plain data.
 
 
 class SlamRun(NamedTuple):
@@ -50,11 +64,11 @@ class SlamRun(NamedTuple):
     tentative: FloatArray  # Where features were that were still to be confirmed at the end, shape (k, 2).
     start: FloatArray  # The pose before the first record, shape (3,).
     batch: BatchResult | None = None  # The batch that followed.
+    failure: str | None = None  # Why none did, though one was tried.
 
     def poses_of(self, scans: Sequence[Scan]) -> FloatArray:
-        """Return where the robot was at each scan, shape (m, 3), as it was estimated then."""
-        rows = np.vstack([[-math.inf, *self.start], self.result.trajectory])
-        return np.asarray(rows[np.searchsorted(rows[:, 0], [scan.t for scan in scans], side="right") - 1, 1:])
+        """Return where the robot was at each scan, shape (m, 3)."""
+        return _poses_at(self.result.trajectory, np.array([scan.t for scan in scans]), self.start)
 
     def with_pose_sigma(self, scans: Sequence[Scan], mapping: MappingSettings) -> MappingSettings:
         """Return settings whose poses are as uncertain as these are on average, and no surer than they were."""
@@ -69,61 +83,68 @@ class SlamRun(NamedTuple):
 
 def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgress | None = None) -> SlamRun:
     """Run EKF-SLAM over a log, and a batch after it; with poses "log" the features alone are estimated."""
-    detections = [record for record in log.records if isinstance(record, Detection)]
-    for detection in detections:
-        if not np.abs(detection.z).max() <= FARTHEST:
-            z = np.asarray(detection.z).tolist()
-            raise EstimationError(f"detection at {detection.t:g} s: expected z of at most {FARTHEST:g}, got {z}")
-        if settings.stated_noise and detection.covariance is not None:
-            name = f"detection at {detection.t:g} s"
-            stated = checked_covariance(detection.covariance, 2, name)
-            if not np.linalg.eigvalsh(stated)[0] >= SUREST**2:
-                least = f"a covariance of standard deviations of at least {SUREST:g}"
-                raise EstimationError(f"{name}: expected {least}, got {stated.tolist()}")
-    s, association = settings.slam, settings.slam.association
+    records = [_checked(record, settings) for record in log.records]
+    association = settings.slam.association
     if association == "auto":
-        association = "known" if any(detection.identity is not None for detection in detections) else "joint"
-    s = replace(s, association=association, outlier_gate=OUTLIER_GATE if s.outlier_gate == "auto" else s.outlier_gate)
-    run = _filtered(log, settings, s, poses, association, on_progress)
-    if poses == "log" or not settings.smooth or not run.result.features:
+        named = any(isinstance(record, Detection) and record.identity is not None for record in records)
+        association = "known" if named else "joint"
+    run = _filtered(records, settings, Gates(known=OUTLIER_GATE), poses, association, on_progress)
+    if poses == "log" or not run.result.features:
         return run
     begun = [run.result]
     if association == "known" and run.result.counts.outliers > MANY * run.result.counts.detections:
         # Where the filter errs, not the readings, the gate refuses the very readings that would set it right. The batch
         # finds out which it was: it begins with either, and judges each reading again.
-        begun.append(_filtered(log, settings, replace(s, outlier_gate=None), poses, association, on_progress).result)
+        begun.append(_filtered(records, settings, Gates(), poses, association, on_progress).result)
     report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
-    times = np.unique([record.t for record in log.records if not isinstance(record, Pose | Scan)])
+    times = np.unique([record.t for record in records if not isinstance(record, Pose | Scan)])
     try:
-        batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
+        batch = smoothed(records, settings, begun, run.start, times, report)
     except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
-        reason = str(error).strip().partition("\n")[0]
-        raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}); setting smooth: false") from None
+        return run._replace(failure=str(error).strip().partition("\n")[0])
     return run._replace(result=batch.result, batch=batch)
 
 
+def _checked(record: Record, settings: MapSettings) -> Record:
+    """Return a record as the estimators take it, without the noise that it states where that is not to count."""
+    if isinstance(record, Detection | Increment) and not settings.stated_noise:
+        record = record._replace(covariance=None)
+    if not isinstance(record, Detection):
+        return record
+    name = f"detection at {record.t:g} s"
+    if not np.abs(record.z).max() <= FARTHEST:
+        raise EstimationError(f"{name}: expected z of at most {FARTHEST:g}, got {np.asarray(record.z).tolist()}")
+    if record.covariance is not None:
+        stated = checked_covariance(record.covariance, 2, name)
+        if not np.linalg.eigvalsh(stated)[0] >= SUREST**2:
+            least = f"a covariance of standard deviations of at least {SUREST:g}"
+            raise EstimationError(f"{name}: expected {least}, got {stated.tolist()}")
+    return as_range_bearing(record)
+
+
 def _filtered(
-    log: Log,
+    records: Sequence[Record],
     s: MapSettings,
-    slam_settings: SlamSettings,
+    gates: Gates,
     poses: str,
     association: AssociationMethod,
     on_progress: OnProgress | None,
 ) -> SlamRun:
     """Run EKF-SLAM until the log ends."""
-    start = np.array(s.start or first_pose(log.records) or (0.0, 0.0, 0.0))
+    start = np.array(s.start or first_pose(records) or (0.0, 0.0, 0.0))
     x, theta = s.mapping.pose_sigma
     slam = EkfSlam(
-        {"range-bearing": s.range_bearing, "cartesian": s.cartesian},
+        s.range_bearing,
         velocity=s.velocity,
         increment=s.increment,
-        settings=slam_settings,
+        settings=replace(s.slam, association=association),
+        gates=gates,
         start=start,
         mode="mapping" if poses == "log" else "slam",
         pose_covariance=np.diag([x**2, x**2, theta**2]),
     )
-    total = len(log.records)
-    for i, record in enumerate(_records(log, s), start=1):
+    total = len(records)
+    for i, record in enumerate(records, start=1):
         try:
             slam.process(record)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -140,29 +161,6 @@ def _filtered(
     confirmed = {feature.id for feature in result.features}
     tentative = [feature.mean for feature in slam.features(tentative=True) if feature.id not in confirmed]
     return SlamRun(result, association, np.array(tentative).reshape(-1, 2), start)
-
-
-def _records(log: Log, s: MapSettings) -> Iterator[Record]:
-    """Yield the records, without the noise that they state where it is not to count."""
-    for record in log.records:
-        if isinstance(record, Detection | Increment) and not s.stated_noise:
-            record = record._replace(covariance=None)
-        yield record
-
-
-# Least number of features that make a frame of their own: of the 2 m coordinates of fewer, the 3 degrees of freedom
-# of a rigid motion are half or more, and of one feature all.
-FEWEST = 4
-
-
-class BatchResult(NamedTuple):
-    """What a batch makes of a log that EKF-SLAM went through."""
-
-    # Poses and features of the batch, with covariances in the start's frame; the rest as EKF-SLAM had it.
-    result: SlamResult
-    # Covariance of each feature in the frame that the features make, shape (m, 2, 2); None for fewer than FEWEST.
-    relative: FloatArray | None
-    figures: dict[str, Any]  # What was found, as plain data.
 
 
 def smoothed(
@@ -188,23 +186,24 @@ def smoothed(
     detections = [assignment.detection for assignment in result.assignments]
     instants, feature = np.unique([detection.t for detection in detections]), _features_of(result)
     track = OdometryTrack(records)
-    readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
+    readings = polar_readings(detections, instants, settings.range_bearing)
     batch = Batch(track, readings, instants, track.stated_variances(settings.velocity, settings.increment))
     guesses = [_poses_at(each.trajectory, instants, start) for each in begun]
     first = [(poses, _first_places(each, readings, poses, feature)) for each, poses in zip(begun, guesses, strict=True)]
     estimate = batch.solve(*batch.best_of(first, feature), feature)
     stated, auto = misfit(batch, estimate), settings.fit_noise == "auto"
     if any(f.identity is not None for f in result.features):
-        wrong = stated.understated or (stated.overstated and settings.default_noise)
-        if settings.fit_noise == "on" or (auto and wrong):
+        if settings.fit_noise is True or (auto and (stated.understated or stated.overstated)):
             estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
     else:
         # Wrong assignments look like noise: whether it is wrong cannot be told before.
-        fit = settings.fit_noise == "on" or (auto and not (readings.stated and track.states_noise))
+        fit = settings.fit_noise is True or (auto and not (readings.stated and track.states_noise))
         labels = Labels(estimate.solution.features, feature)
         labels, estimate = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
         result, feature = _relabelled(result, labels), labels.feature
-    return _result(batch, estimate, feature, start, result, times, figures(batch, estimate, stated))
+    halves = disagreement(batch, estimate)
+    plain = figures(batch, estimate, stated, halves)
+    return _result(batch, estimate, halves, feature, start, result, times, plain)
 
 
 def _begun_at(estimate: Estimate, pose: FloatArray) -> Estimate:
@@ -256,6 +255,7 @@ def _first_places(result: SlamResult, readings: Readings, poses: FloatArray, fea
 def _result(
     batch: Batch,
     estimate: Estimate,
+    halves: float,
     feature: IntArray,
     start: FloatArray,
     result: SlamResult,
@@ -275,9 +275,7 @@ def _result(
     along[0::2, 2], along[1::2, 2] = -y, x
     moves = np.zeros((len(along), estimate.calibrated.shape[1]))
     moves[:, :3] = (along @ rotations(start[2:])[0] @ batch.motion_changes(ways)[0])[:, : moves.shape[1]]
-    joint = estimate.feature_covariance(moves)
-    if batch.fitted:
-        joint *= inflation(batch, estimate)
+    joint = halves * estimate.feature_covariance(moves)
     lead = along @ turned(batch.motion_covariance(way), start[2:])[0] @ along.T
     means = origin + scale.factor * (solution.features - origin)
     poses = solution.poses.copy()
@@ -291,7 +289,9 @@ def _result(
         for P in (joint + lead, relative_covariance(means, joint))
     )
     blocks += _bent(means - origin, lead[own[:, :, None], own[:, None, :]])
-    smooth_poses, covariances = _poses_between(batch, estimate, poses, times)
+    smooth_poses, covariances = _poses_between(batch, estimate, poses, times, halves)
+    off = smooth_poses[:, :2] - origin
+    covariances[:, :2, :2] += scale.sigma**2 * off[:, :, None] * off[:, None, :]
     used = estimate.feature[estimate.feature >= 0]
     readings = np.bincount(used, minlength=len(means)).tolist()
     features = tuple(
@@ -318,7 +318,7 @@ def _bent(away: FloatArray, lead: FloatArray) -> FloatArray:
 
 
 def _poses_between(
-    batch: Batch, estimate: Estimate, poses: FloatArray, times: FloatArray
+    batch: Batch, estimate: Estimate, poses: FloatArray, times: FloatArray, halves: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return poses at times (k,), ascending, from estimated ones (n, 3): shape (k, 3), and covariances (k, 3, 3).
 
@@ -360,7 +360,7 @@ def _poses_between(
     estimated, least = estimate.smoother.pair_covariances(estimate.solution)
     share = before @ np.linalg.inv(whole + least[pair])
     both = np.concatenate([np.eye(3) - share, share], axis=2)
-    P = both @ estimated[pair] @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance
+    P = both @ (halves * estimated[pair]) @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance
     P = moved(P, there[:, :2] - place) + moved(lead, there[:, :2] - poses[0, :2])  # noqa: N806
     covariances = 0.5 * (P + np.swapaxes(P, 1, 2))
     wanted = np.searchsorted(every, times)

@@ -28,7 +28,7 @@ from trailmark.estimation.odometry import UNCALIBRATED, Motions, OdometryTrack
 from trailmark.se2 import FloatArray
 
 SMALLEST = 1e-12  # the least variance, so that a source that shows no noise can come back
-ROUNDS = 8  # how often at most poses, calibration and noise are estimated in turns: mostly four or five settle them
+ROUNDS = 5  # how often poses, calibration and noise are estimated in turns: mostly four settle them
 # Probability that a good reading passes: of ten thousand one is left out wrongly, a misread one nearly always.
 GATE = 0.9999
 # Standard deviations of the errors that instruments are expected to have before anything is known of the log: of the
@@ -38,13 +38,13 @@ GATE = 0.9999
 EXPECTED = np.array([0.2, 0.2, 0.05, 0.1, 0.5])
 # Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out.
 LOST = 4.0
-# Relative error that is enough while noise is still estimated; change, in deviations, after which nothing changes.
-ROUGH, SETTLED = 1e-4, 0.03
+ROUGH = 1e-4  # relative error that is enough while noise is still estimated
 STEP = 1e-4  # how far each number of the odometry's calibration is moved to see what the motions become
 # How uncertain the scale of all ranges is, as a share of the relative error that is found across the view: no reading
 # shows it, and a sensor that is wrong by some percent from one bearing to another is not right on average.
 SCALE_SHARE = 0.25
 ODOMETRY_SCALE_SIGMA = 0.03  # how uncertain the scale of all that was driven is: the size of wheels is known to a few %
+SURE = 0.99  # probability that maps of two halves of a log pass as agreeing, if their covariances are right
 FEW = 30.0  # expected squares below which no ratio is judged: that of 30 varies by a quarter
 
 
@@ -193,15 +193,12 @@ class Batch:
         """Return the optimum with noise and calibration estimated from the log; see :meth:`solve`."""
         self._begin_fit()
         solution, good = Solution(poses, features, np.inf), feature
-        for i in range(ROUNDS):
-            (smoother, motions), readings, before = self._smoother(good), self.readings(), self.noise
+        for i in range(1, ROUNDS + 1):
+            smoother, motions = self._smoother(good)
             solution = smoother.solve(solution.poses, solution.features, ROUGH)
             good = self._improve(smoother, solution, motions, feature)
-            settled = self._change(before, motions, readings) < SETTLED
             if on_round is not None:
-                on_round(ROUNDS if settled else i + 1, ROUNDS)
-            if settled:
-                break
+                on_round(i, ROUNDS)
         return self.solve(solution.poses, solution.features, feature)
 
     def correlation_times(
@@ -217,14 +214,6 @@ class Batch:
     def _smoother(self, feature: IntArray) -> tuple[Smoother, Motions]:
         motions = self.motions()
         return Smoother(motions.u, self.motion_covariance(motions), self.readings(), feature, GATE), motions
-
-    def _change(self, before: Noise, motions: Motions, readings: Readings) -> float:
-        """Return by how much of their deviation, at most, noise and typical readings and motions have changed."""
-        P, new = motions.covariance(before.motion_variances * before.motion_times), self.readings()
-        size, sigma, now = (_typical_sigma(each) for each in (P, readings.covariance, new.covariance))
-        off = np.median(np.abs(self.motions(covariances=False).u - motions.u), axis=0) / (size + 1e-9)
-        read = np.median(np.abs(new.z - readings.z), axis=0) / sigma
-        return float(max(off.max(), read.max(), np.abs(np.log(now / sigma)).max()))
 
     def _begin_fit(self) -> None:
         """Give the readings' noise the sources that are estimated: by range where the log states nothing."""
@@ -300,10 +289,6 @@ class Batch:
         return smoother.whitened(solution, of_motions, of_readings), EXPECTED**-2.0
 
 
-def _typical_sigma(covariances: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.median(np.diagonal(covariances, axis1=1, axis2=2), axis=0)))
-
-
 class Scale(NamedTuple):
     """The scale of a map, which nothing but the instruments' own calibration states."""
 
@@ -319,10 +304,7 @@ class Misfit(NamedTuple):
 
     @property
     def understated(self) -> bool:
-        """Whether there is more noise than stated, by a share that is no accident and matters.
-
-        Errors that last count as often as they repeat.
-        """
+        """Whether there is more noise than stated, by a share that is no accident; what lasts counts as it repeats."""
         lasting = max(self.ratios[name] * self.times[name] for name in ("range", "bearing"))
         return bool(max(self.ratios.values()) > 1.5 or lasting > 2.0)
 
@@ -348,28 +330,15 @@ def misfit(batch: Batch, estimate: Estimate) -> Misfit:
     return Misfit(ratios, dict(zip(names, times, strict=True)))
 
 
-def description_length(batch: Batch, estimate: Estimate, feature: IntArray) -> float:
-    """Return how badly features explain the readings: less for a better association, fewer features among the like.
-
-    The criterion of Schwarz 1978 (Estimating the dimension of a model, Annals of Statistics 6(2)), in which a
-    reading that is of no feature, number -1 in ``feature``, costs as much as the gate allows.
-    """
-    y = np.nan_to_num(estimate.smoother.reading_residuals(estimate.solution, feature))
-    R = batch.readings(single=True).covariance
-    limit = float(chi_square_quantile(GATE, 2))
-    d2 = np.minimum(np.einsum("ni,nij,nj->n", y, np.linalg.inv(R), y), limit)
-    d2[feature < 0] = limit
-    fit = d2 + np.log(np.linalg.det(R))
-    return float(fit.sum() + 2.0 * len(estimate.solution.features) * np.log(max(2, len(fit))))
-
-
-def inflation(batch: Batch, estimate: Estimate) -> float:
-    """Return by how much covariances are too small, at least 1: by the maps of the log's two halves.
+def disagreement(batch: Batch, estimate: Estimate) -> float:
+    """Return by how much covariances are too small, by the maps of the log's two halves: 1 where they may be right.
 
     The halves share neither readings nor odometry. What their maps differ by, relative to all features that both
     have, should be as their covariances say; errors that last longer than any correlation shows make it larger.
     """
     n = len(batch.instants)
+    if n < 4:
+        return 1.0
     motions, readings, parts = batch.motions(), batch.readings(), []
     P = batch.motion_covariance(motions)
     for first, last in ((0, n // 2), (n // 2, n)):
@@ -390,10 +359,10 @@ def inflation(batch: Batch, estimate: Estimate) -> float:
         gap += sign * found[at]
         first = system.A.shape[1] - 2 * len(seen)
         joint += system.covariance((first + 2 * at[:, None] + np.arange(2)).reshape(-1))
-    S = gauge_free(estimate.solution.features[both])
+    S, dof = gauge_free(estimate.solution.features[both]), 2 * len(both) - 3
     values, vectors = np.linalg.eigh(S @ joint @ S.T)
     d2 = float(((vectors[:, 3:].T @ (S @ gap.reshape(-1))) ** 2 / values[3:]).sum())
-    return max(1.0, d2 / (2 * len(both) - 3))
+    return d2 / dof if d2 > chi_square_quantile(SURE, dof) else 1.0
 
 
 def scale(batch: Batch, estimate: Estimate) -> Scale:
@@ -414,7 +383,7 @@ def scale(batch: Batch, estimate: Estimate) -> Scale:
     return Scale(float(np.exp(weight * excess)), float(ranges * np.sqrt(1.0 - weight)))
 
 
-def figures(batch: Batch, estimate: Estimate, stated: Misfit) -> dict[str, Any]:
+def figures(batch: Batch, estimate: Estimate, stated: Misfit, halves: float) -> dict[str, Any]:
     """Return what was found, as plain data that JSON can hold."""
     found, of_map = batch.noise.calibration.tolist(), scale(batch, estimate)
     names = ("distance", "turn", "direction")
@@ -425,4 +394,5 @@ def figures(batch: Batch, estimate: Estimate, stated: Misfit) -> dict[str, Any]:
         "odometry": dict(zip(names, found, strict=False)) if batch.fitted else None,
         "range": {"tilt": found[3], "projection": found[4]} if batch.fitted else None,
         "scale": of_map._asdict(),
+        "halves": halves,
     }

@@ -31,7 +31,7 @@ from trailmark.shown import GOAL, HATCH, LANDMARK, MARGIN, OBSTACLE, OUTSIDE, PA
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trailmark.estimation.mapped_log import MappedLog
+    from trailmark.estimation.mapping import MappedLog
     from trailmark.world import ObstacleEstimate, World
 
 __all__ = ["draw_map", "save_map_figure"]
