@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from tests.support.trials import few
 
 from trailmark.estimation import RangeBearing, SlamFilter, Unicycle
-from trailmark.estimation.association import (
+from trailmark.estimation.ekf_slam import (
     IGNORED,
     NEW,
     Compatibility,

@@ -20,9 +20,8 @@ from trailmark.estimation import (
     Unicycle,
     ekf_slam,
 )
-from trailmark.estimation.association import Gates
 from trailmark.estimation.covariance import average, nees
-from trailmark.estimation.ekf_slam import SlamResult
+from trailmark.estimation.ekf_slam import Gates, SlamResult
 from trailmark.estimation.records import Detection, Increment, Odometry, Pose, Record
 
 FloatArray = NDArray[np.float64]

@@ -32,8 +32,7 @@ from trailmark.estimation import (
     regrow,
     simulate,
 )
-from trailmark.estimation.association import Counts
-from trailmark.estimation.ekf_slam import Assignment, MapFeature, SlamResult
+from trailmark.estimation.ekf_slam import Assignment, Counts, MapFeature, SlamResult
 from trailmark.estimation.mapping import MappedLog, association_doubts, gap_warnings, log_warnings
 from trailmark.estimation.obstacles import disc_estimates
 from trailmark.estimation.records import Record

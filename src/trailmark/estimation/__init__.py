@@ -9,10 +9,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trailmark.estimation.association import SlamSettings as SlamSettings
     from trailmark.estimation.ekf import refine_points as refine_points
     from trailmark.estimation.ekf_slam import EkfSlam as EkfSlam
     from trailmark.estimation.ekf_slam import SlamResult as SlamResult
+    from trailmark.estimation.ekf_slam import SlamSettings as SlamSettings
     from trailmark.estimation.errors import EstimationError as EstimationError
     from trailmark.estimation.errors import NotCertifiedError as NotCertifiedError
     from trailmark.estimation.errors import RecordError as RecordError
@@ -51,9 +51,8 @@ if TYPE_CHECKING:
     from trailmark.estimation.virtual_sensors import sense_obstacles as sense_obstacles
 
 _NAMES = {
-    "association": "SlamSettings",
     "ekf": "refine_points",
-    "ekf_slam": "EkfSlam SlamResult",
+    "ekf_slam": "EkfSlam SlamResult SlamSettings",
     "errors": "EstimationError NotCertifiedError RecordError",
     "map_settings": "MapSettings MappingSettings",
     "mapping": "MappedLog map_log",

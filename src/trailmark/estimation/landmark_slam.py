@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trailmark.estimation.association import AssociationMethod, Gates
 from trailmark.estimation.covariance import checked_covariance
-from trailmark.estimation.ekf_slam import CURVATURE, EkfSlam, MapFeature, SlamResult
+from trailmark.estimation.ekf_slam import CURVATURE, AssociationMethod, EkfSlam, Gates, MapFeature, SlamResult
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.landmark_graph import (
     Estimate,

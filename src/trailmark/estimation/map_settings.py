@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from trailmark.arguments import Count, Finite, NonNegative, Positive, checked_fields
-from trailmark.estimation.association import SlamSettings
+from trailmark.estimation.ekf_slam import SlamSettings
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.models import PoseIncrement, RangeBearing, Unicycle
 from trailmark.estimation.scan_features import ScanSettings

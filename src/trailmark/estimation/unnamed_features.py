@@ -15,9 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.association import Gates, SlamSettings
 from trailmark.estimation.covariance import chi_square_quantile
-from trailmark.estimation.ekf_slam import EkfSlam
+from trailmark.estimation.ekf_slam import EkfSlam, Gates, SlamSettings
 from trailmark.estimation.landmark_graph import Estimate, IntArray, Readings, moved, relative_covariance, turned
 from trailmark.estimation.models import PoseIncrement, RangeBearing
 from trailmark.estimation.noise_fit import GATE as BATCH_GATE

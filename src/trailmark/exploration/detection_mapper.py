@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
 from trailmark.errors import ConfigurationError
-from trailmark.estimation.association import AssociationMethod
 from trailmark.estimation.covariance import chi_square_quantile
-from trailmark.estimation.ekf_slam import EkfSlam, MapFeature
+from trailmark.estimation.ekf_slam import AssociationMethod, EkfSlam, MapFeature
 from trailmark.estimation.map_settings import MapSettings
 from trailmark.estimation.mapping import map_log
 from trailmark.estimation.models import as_range_bearing
