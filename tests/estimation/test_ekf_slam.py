@@ -175,14 +175,12 @@ def test_velocities_hold_until_the_next() -> None:
 
 
 def test_truth_and_references_are_not_estimated_from() -> None:
-    records, _ = drive(7, seconds=5.0)
-    expected = slam().run(records)
-    extra: list[Record] = []
+    records, _ = drive(7, seconds=3.0)
+    extra: list[Record] = [Pose(1e9, 0.0, 0.0, 0.0, truth=True)]
     for record in records:
         extra += [record, Pose(record.t, 99.0, 99.0, 1.0, truth=True), Pose(record.t, 99.0, 99.0, 1.0)]
-    extra.insert(0, Pose(1e9, 0.0, 0.0, 0.0, truth=True))
     result = slam().run(extra)
-    assert np.array_equal(result.trajectory, expected.trajectory)
+    assert np.array_equal(result.trajectory, slam().run(records).trajectory)
     assert result.counts.not_estimated_from == 2 * len(records) + 1
 
 

@@ -19,7 +19,6 @@ from trailmark.estimation import (
     Detector,
     EkfSlam,
     EstimationError,
-    Increment,
     Log,
     MapSettings,
     NotCertifiedError,
@@ -37,7 +36,7 @@ from trailmark.estimation.mapping import MappedLog
 from trailmark.estimation.noise_fit import Batch
 from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Record
-from trailmark.se2 import compose, wrap
+from trailmark.se2 import wrap
 from trailmark.shapes import Disc
 from trailmark.world import World
 
@@ -168,27 +167,6 @@ def test_poses_between_readings_are_as_sure_as_with_a_pose_at_each_record() -> N
 
 
 @pytest.mark.slow
-def test_noise_is_estimated_where_a_log_states_all_of_it_and_wrongly() -> None:
-    rng, x, records = np.random.default_rng(0), np.array([6.0, 0.8, 0.0]), list[Record]()
-    for t in range(1, 240):
-        u = np.array([0.2, 0.0, 0.075 + 0.02 * np.sin(0.3 * t)])
-        x = compose(x, u + rng.normal(0.0, (0.005, 0.005, 0.01)))
-        records.append(Increment(float(t), u[0], u[1], u[2], np.diag([1e-4, 1e-4, 1e-8])))
-        for i, post in enumerate(POSTS if t % 2 else ()):
-            z = SENSOR.h(x, post) + rng.normal(0.0, (0.05, 0.02))
-            records.append(Detection(float(t), z, covariance=np.diag([1.0, 0.1]), identity=i))
-    given = Log("stated", tuple(records), np.empty((0, 3)))
-    mapped = map_log(given, MapSettings(start=(6.0, 0.8, 0.0)))
-    assert mapped.batch is not None
-    assert mapped.batch.figures["fitted"] is True
-    assert mapped.slam is not None
-    off = np.array([f.mean - POSTS[f.identity] for f in mapped.slam.features if f.identity is not None])
-    sigma = np.sqrt([np.trace(f.covariance) for f in mapped.slam.features])
-    assert np.linalg.norm(off, axis=1).max() < 3.0 * sigma.max()
-    assert sigma.max() < 0.2
-
-
-@pytest.mark.slow
 def test_noise_is_estimated_where_it_is_wrong_and_asked_for() -> None:
     wrong = MapSettings(range_bearing=RangeBearing(0.01, 0.004), velocity=MOTION, stated_noise=False)
     fits = dict[bool | str, tuple[bool, float]]()
@@ -201,6 +179,24 @@ def test_noise_is_estimated_where_it_is_wrong_and_asked_for() -> None:
     assert right.batch is not None
     assert right.batch.figures["fitted"] is False
     assert fits["auto"][1] < 1.5 * errors(right)[0]
+
+
+@pytest.mark.slow
+def test_halves_of_a_log_that_disagree_enlarge_the_covariances_and_are_told() -> None:
+    middle = log().records[len(log().records) // 2].t
+    bent = [
+        r._replace(z=r.z + np.array([0.15 if (r.identity or 0) % 2 else -0.15, 0.0]))
+        if isinstance(r, Detection) and r.t > middle
+        else r
+        for r in log().records
+    ]
+    settings = replace(RIGHT, fit_noise=False)
+    straight, mapped = (map_log(log()._replace(records=tuple(r)), settings) for r in (log().records, bent))
+    sizes = [sum(np.trace(e.covariance) for e in m.world.estimates if e) for m in (straight, mapped)]
+    assert sizes[1] > 3.0 * sizes[0]
+    assert [any("two halves differ" in warning for warning in m.warnings) for m in (straight, mapped)] == [False, True]
+    # A fit takes the noise for as large as it is.
+    assert errors(map_log(log()._replace(records=tuple(bent)), RIGHT))[0] < 0.15
 
 
 @pytest.mark.slow

@@ -115,16 +115,6 @@ def test_inverse(x: FloatArray, offset: FloatArray) -> None:
     assert np.allclose(G_z, by_reading, rtol=1e-7, atol=1e-7)
 
 
-@given(
-    st.floats(-1e-6, 1e-6), st.floats(-1e-6, 1e-6), st.sampled_from([0.0, np.pi, -np.pi, 3 * np.pi, -5 * np.pi, 1e6])
-)
-def test_bearings_are_compared_the_shorter_way_round(a: float, b: float, base: float) -> None:
-    y = RangeBearing(0.1, 0.1).residual([3.0, base + a], [1.0, base + b - 2 * np.pi])
-    assert np.allclose(y, [2.0, a - b], atol=1e-9)
-    full = RangeBearing(0.1, 0.1).residual([0.0, np.pi], [0.0, -np.pi])
-    assert full[1] == 0.0
-
-
 def test_what_a_linearised_reading_misses() -> None:
     rng, r, sensor = np.random.default_rng(0), 3.0, RangeBearing(0.1, 0.02)
     C = np.array([[0.03, 0.004], [0.004, 0.01]])
