@@ -38,9 +38,9 @@ def test_a_small_log(tmp_path: Path) -> None:
     assert seen.z == pytest.approx([np.hypot(5.0, 1.0), np.arctan2(-1.0, 5.0)])
     assert seen.covariance == pytest.approx(np.diag([0.4, 0.04]))
     assert (moved[:4], again.t) == ((1.0, 1.0, 0.5, 0.25), 4.0)
-    assert np.array_equal(moved[4], [[0.01, 0.001, 0.002], [0.001, 0.03, 0.004], [0.002, 0.004, 0.05]])
+    assert np.array_equal(np.array(moved[4]), [[0.01, 0.001, 0.002], [0.001, 0.03, 0.004], [0.002, 0.004, 0.05]])
     assert (last.t, last.z.tolist(), last.kind, last.identity) == (4.0, [3.0, -1.5], "cartesian", 7)
-    assert np.array_equal(last[4], [[0.4, 0.1], [0.1, 0.5]])
+    assert np.array_equal(np.array(last[4]), [[0.4, 0.1], [0.1, 0.5]])
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trailmark.arguments import Probability, checked_arguments
-from trailmark.estimation.covariance import chi_square_quantile
 from trailmark.estimation.ekf_slam import SlamResult
 from trailmark.estimation.errors import EstimationError, NotCertifiedError
 from trailmark.estimation.landmark_slam import BatchResult, OnProgress, SlamRun, run_slam
@@ -37,7 +36,6 @@ MAX_SPEED = 10.0  # Metres a second: no indoor robot is as fast, and few outdoor
 MIN_RATIO = 0.7
 MIN_UPDATES = 30  # Updates before which the NIS says little.
 MAX_LEFT_OUT = 0.05  # Share of the readings that may fit no feature.
-SAME = 0.99  # Probability that two estimates of one thing pass as one.
 # Share of the readings of features in the middle of the sensor's view that a right map has. Of 75 simulated maps
 # without identities that were right, 70 had more, of 31 wrong ones 5, and these fail another check.
 READ = 0.9
@@ -256,7 +254,7 @@ def map_log(
         trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), _framed(scan_map.world, frame)
     if scan_map is None and run is not None:
         known = [estimate for estimate in world.estimates if estimate is not None]
-        warnings = detection_warnings(run, known, sources.poses)
+        warnings = detection_warnings(run, sources.poses)
         doubts = [] if run.association == "known" else association_doubts(run.result, known, sources.poses)
     else:
         warnings = speed_warnings(trajectory)
@@ -515,8 +513,8 @@ def association_doubts(result: SlamResult, estimates: Sequence[ObstacleEstimate]
     return found
 
 
-def detection_warnings(run: SlamRun, estimates: Sequence[ObstacleEstimate], poses: str) -> list[str]:
-    """Return what looks wrong with a map of detections, by their estimates relative to the map, and what to try."""
+def detection_warnings(run: SlamRun, poses: str) -> list[str]:
+    """Return what looks wrong with a map of detections, and what to try."""
     found, counts, nis, batch = list[str](), run.result.counts, run.result.nis(), run.batch
     if run.failure is not None:
         found.append(f"no batch fits the log ({run.failure}): the map is the filter's")
@@ -539,24 +537,7 @@ def detection_warnings(run: SlamRun, estimates: Sequence[ObstacleEstimate], pose
             f"{left_out / counts.detections:.0%} of the readings fit no feature: misread identities, things that "
             "moved, or wrong noise (setting fit_noise: on)"
         )
-    if (doubled := _doubled(estimates)) > 0:
-        found.append(
-            f"{doubled} of {len(estimates)} features may be others seen twice, so that the map shows more than there "
-            "is: look at it with --plot; the setting slam.confirm: 20 keeps those with more readings"
-        )
     return [*found, *(speed_warnings(run.result.trajectory) if poses == "slam" else [])]
-
-
-def _doubled(estimates: Sequence[ObstacleEstimate]) -> int:
-    """Return how many features lie so near to another one that, by their covariances, they may be the same."""
-    points = np.array([estimate.mean.center for estimate in estimates if isinstance(estimate.mean, Disc)])
-    if len(points) < 2:
-        return 0
-    blocks = np.array([estimate.covariance[:2, :2] for estimate in estimates])
-    i, j = np.triu_indices(len(points), 1)
-    gap, spread = points[j] - points[i], blocks[i] + blocks[j] + 1e-12 * np.eye(2)
-    d2 = np.einsum("ni,nij,nj->n", gap, np.linalg.inv(spread), gap)
-    return len(np.unique(j[d2 <= chi_square_quantile(SAME, 2)]))
 
 
 def speed_warnings(trajectory: FloatArray) -> list[str]:
