@@ -36,8 +36,6 @@ OnProgress = Callable[[str, int, int], None]
 OUTLIER_GATE = 0.9999  # Probability that a good reading passes. Misread barcodes, some in a thousand, lie far outside.
 FARTHEST = 1e6  # Metres (and radians): no sensor reads farther, and squares of larger numbers lose what is near.
 SUREST = 1e-6  # Metres (and radians): no sensor errs less, and a reading without any error would settle all.
-# A hundred times as many refused readings as the gate refuses of good ones: some are good, or many are misread.
-MANY = 0.01
 _ALLOWED = "expected values that a robot can have"
 _REPORT_EVERY = 64  # Records from one report of progress to the next.
 # Least number of features that make a frame of their own: of the 2 m coordinates of fewer, the 3 degrees of freedom
@@ -87,18 +85,16 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
     if association == "auto":
         named = any(isinstance(record, Detection) and record.identity is not None for record in records)
         association = "known" if named else "joint"
-    run = _filtered(records, settings, Gates(known=OUTLIER_GATE), poses, association, on_progress)
+    # Where the filter errs, not the readings, a gate refuses the very readings that would set it right: where a batch
+    # follows, that judges each of them.
+    gates = Gates(known=OUTLIER_GATE if poses == "log" else None)
+    run = _filtered(records, settings, gates, poses, association, on_progress)
     if poses == "log" or not run.result.features:
         return run
-    begun = [run.result]
-    if association == "known" and run.result.counts.outliers > MANY * run.result.counts.detections:
-        # Where the filter errs, not the readings, the gate refuses the very readings that would set it right. The batch
-        # finds out which it was: it begins with either, and judges each reading again.
-        begun.append(_filtered(records, settings, Gates(), poses, association, on_progress).result)
     report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
     times = np.unique([record.t for record in records if not isinstance(record, Pose | Scan)])
     try:
-        batch = smoothed(records, settings, begun, run.start, times, report)
+        batch = smoothed(records, settings, run.result, run.start, times, report)
     except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
         return run._replace(failure=str(error).strip().partition("\n")[0])
     return run._replace(result=batch.result, batch=batch)
@@ -165,7 +161,7 @@ def _filtered(
 def smoothed(
     records: Sequence[Record],
     settings: MapSettings,
-    begun: Sequence[SlamResult],
+    result: SlamResult,
     start: FloatArray,
     times: FloatArray,
     on_round: Callable[[int, int], None] | None = None,
@@ -175,21 +171,18 @@ def smoothed(
     Args:
         records: of the log, in the order of time.
         settings: their noise, and whether it is estimated.
-        begun: results of EKF-SLAM over these records, with the same features: the batch begins with each, and goes on
-            with the one that leads to the least error.
+        result: of EKF-SLAM over these records.
         start: the first pose, shape (3,).
         times: of the trajectory's rows, shape (k,), ascending.
         on_round: called with the number of rounds done, and how many there are at most.
     """
-    result = begun[0]
     detections = [assignment.detection for assignment in result.assignments]
     instants, feature = np.unique([detection.t for detection in detections]), _features_of(result)
     track = OdometryTrack(records)
     readings = polar_readings(detections, instants, settings.range_bearing)
     batch = Batch(track, readings, instants, track.stated_variances(settings.velocity, settings.increment))
-    guesses = [_poses_at(each.trajectory, instants, start) for each in begun]
-    first = [(poses, _first_places(each, readings, poses, feature)) for each, poses in zip(begun, guesses, strict=True)]
-    estimate = batch.solve(*batch.best_of(first, feature), feature)
+    poses = _poses_at(result.trajectory, instants, start)
+    estimate = batch.solve(poses, _first_places(result, readings, poses, feature), feature)
     stated, auto = misfit(batch, estimate), settings.fit_noise == "auto"
     if any(f.identity is not None for f in result.features):
         if settings.fit_noise is True or (auto and (stated.understated or stated.overstated)):

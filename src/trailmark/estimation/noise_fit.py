@@ -8,7 +8,7 @@ SIAM Journal on Numerical Analysis 10(2)), and the noise is what the residuals s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -154,16 +154,6 @@ class Batch:
         R = np.einsum("k,nkij->nij", self.noise.reading_variances * times, self.sources)
         ranges = self.raw.z[:, 0] * np.exp(-self.bent @ self.noise.calibration[3:])
         return self.raw._replace(z=np.column_stack([ranges, self.raw.z[:, 1]]), covariance=R)
-
-    def best_of(
-        self, guesses: Sequence[tuple[FloatArray, FloatArray]], feature: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the guess, poses (n, 3) and features (m, 2), that leads to the least error with all readings used."""
-        if len(guesses) == 1:
-            return guesses[0]
-        smoother, _ = self._smoother(feature)
-        best = min((smoother.solve(*guess, ROUGH) for guess in guesses), key=lambda solution: solution.error)
-        return best.poses, best.features
 
     def solve(self, poses: FloatArray, features: FloatArray, feature: IntArray) -> Estimate:
         """Return the optimum with noise and calibration as they are, readings beyond the gate left out.

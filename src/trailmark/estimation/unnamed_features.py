@@ -221,15 +221,35 @@ def associated(
     run = batch.fit if fit else batch.solve
     estimate = run(poses, labels.places, labels.feature)
     known: Labels | None = None
+    best, least = (labels, estimate, batch.noise), np.inf
     for turn in range(TURNS):
         labels, poses = _filtered(batch, estimate, known, settings, back=turn % 2 == 1)
         estimate = run(poses, labels.places, labels.feature)
         labels = Labels(estimate.solution.features, labels.feature)
         labels, estimate = _settled(batch, labels, estimate, settings.confirm)
-        known = labels
+        known, cost = labels, description_length(batch, estimate, labels)
+        if cost < least:
+            best, least = (labels, estimate, batch.noise), cost
         if on_turn is not None:
             on_turn(turn + 1, TURNS)
+    labels, estimate, batch.noise = best
     return labels, estimate
+
+
+def description_length(batch: Batch, estimate: Estimate, labels: Labels) -> float:
+    """Return how badly features explain the readings: less for a better association, fewer features among the like.
+
+    The criterion of Schwarz 1978 (Estimating the dimension of a model, Annals of Statistics 6(2)), in which a
+    reading that is of no feature costs as much as the gate allows.
+    """
+    limit = float(chi_square_quantile(BATCH_GATE, 2))
+    y, R = (
+        estimate.smoother.reading_residuals(estimate.solution, labels.feature),
+        batch.readings(single=True).covariance,
+    )
+    # Those of no feature have no residual.
+    d2 = np.fmin(np.einsum("ni,nij,nj->n", y, np.linalg.inv(R), y), limit)
+    return float((d2 + np.log(np.linalg.det(R))).sum() + 2.0 * len(labels.places) * np.log(max(2, len(d2))))
 
 
 def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> tuple[Labels, Estimate]:
