@@ -10,7 +10,7 @@ either, and is ignored: a wrong feature, or one feature as two, harms a filter m
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal, NamedTuple
@@ -188,45 +188,6 @@ def joint_compatibility(
     return JointAssociation(assigned, best.d2, nodes <= node_limit)
 
 
-class Associator:
-    """Assigns detections to a filter's features, and counts what it leaves out; the filter is only read."""
-
-    def __init__(
-        self, ekf: SlamFilter, sensor: RangeBearing, association: AssociationMethod, gates: Gates, counts: Counts
-    ) -> None:
-        self._filter, self._sensor, self._association = ekf, sensor, association
-        self._gates, self._counts = gates, counts
-
-    def assign(self, detections: Sequence[Detection], ids: Mapping[int, int]) -> list[int]:
-        """Return the feature's id of each detection, or NEW or IGNORED; ``ids`` are those of known identities."""
-        if self._association == "known":
-            return [self._known(detection, ids) for detection in detections]
-        prediction, gates = self._filter.predict_readings(self._sensor), self._gates
-        new_gate = float(chi_square_quantile(gates.new, 2))
-        z = np.array([detection.z for detection in detections], dtype=np.float64)
-        fit = compatibility(z, prediction, self._sensor, [detection.covariance for detection in detections])
-        # Features that no reading comes near have no part in it, and would make it slow.
-        near = np.flatnonzero((fit.d2 <= new_gate).any(axis=0))
-        prediction, fit = prediction.select(near), Compatibility(*(part[:, near] for part in fit))
-        found = joint_compatibility(fit, self._filter.joint_covariance(prediction), gates)
-        assigned = distinct(found.assigned, fit.d2, new_gate)
-        self._counts.cut_short += not found.complete
-        self._counts.ambiguous += int(np.count_nonzero(assigned == IGNORED))
-        return [prediction.ids[j] if j >= 0 else int(j) for j in assigned]
-
-    def _known(self, detection: Detection, ids: Mapping[int, int]) -> int:
-        if detection.identity is None:
-            self._counts.unidentified += 1
-            return IGNORED
-        feature = ids.get(detection.identity, NEW)
-        if feature != NEW and self._gates.known is not None:
-            innovation = self._filter.innovation(detection.z, self._sensor, feature, detection.covariance)
-            if innovation.nis > chi_square_quantile(self._gates.known, 2):
-                self._counts.outliers += 1
-                return IGNORED
-        return feature
-
-
 def repeats(a: Detection, b: Detection) -> bool:
     """Return whether two detections of one instant are one: of the same feature by name, or the same reading."""
     if a.kind != b.kind or a.identity != b.identity:
@@ -370,8 +331,7 @@ class EkfSlam:
         pose_covariance: ArrayLike | None = None,
     ) -> None:
         self.settings = SlamSettings() if settings is None else settings
-        association = self.settings.association
-        if association == "auto":
+        if self.settings.association == "auto":
             raise EstimationError("EkfSlam: expected settings without 'auto', which map_log alone can resolve")
         self.filter = SlamFilter(start, P, curvature=CURVATURE)
         self.counts = Counts()
@@ -383,7 +343,6 @@ class EkfSlam:
         self._increment: Increment | None = None
         self._waiting: list[Detection] = []
         self._features, self._ids = dict[int, FeatureHistory](), dict[int, int]()
-        self._associator = Associator(self.filter, sensor, association, self._gates, self.counts)
         self._trajectory: list[tuple[float, FloatArray, FloatArray]] = []
         self._updates: list[Update] = []
         self._assignments: list[Assignment] = []
@@ -447,7 +406,8 @@ class EkfSlam:
             return
         begin = perf_counter()
         detections, self._waiting = self._waiting, []
-        assigned = self._associator.assign(detections, self._ids)
+        known = self.settings.association == "known"
+        assigned = [self._known(detection) for detection in detections] if known else self._joint(detections)
         innovation = self._update(detections, assigned)
         self._start_features(detections, assigned)
         self._drop_stale()
@@ -511,7 +471,7 @@ class EkfSlam:
     def _collect(self, detection: Detection) -> None:
         """Let a detection wait for the others of its instant."""
         self.counts.detections += 1
-        if detection.kind not in ("range-bearing", "cartesian"):
+        if not isinstance(detection.kind, str) or detection.kind not in ("range-bearing", "cartesian"):
             kinds = expected_name(str(detection.kind), ("range-bearing", "cartesian"))
             raise RecordError(f"Detection at {detection.t:.6f} s: kind: {kinds}")
         detection = as_range_bearing(detection)
@@ -521,6 +481,33 @@ class EkfSlam:
             self.counts.repeated += 1
         else:
             self._waiting.append(detection)
+
+    def _known(self, detection: Detection) -> int:
+        """Return the id of the feature that a detection names, or NEW or IGNORED."""
+        if detection.identity is None:
+            self.counts.unidentified += 1
+            return IGNORED
+        feature = self._ids.get(detection.identity, NEW)
+        if feature != NEW and self._gates.known is not None:
+            innovation = self.filter.innovation(detection.z, self._sensor, feature, detection.covariance)
+            if innovation.nis > chi_square_quantile(self._gates.known, 2):
+                self.counts.outliers += 1
+                return IGNORED
+        return feature
+
+    def _joint(self, detections: Sequence[Detection]) -> list[int]:
+        """Return the id of the feature of each detection by joint compatibility, or NEW or IGNORED."""
+        prediction, new_gate = self.filter.predict_readings(self._sensor), chi_square_quantile(self._gates.new, 2)
+        z = np.array([detection.z for detection in detections], dtype=np.float64)
+        fit = compatibility(z, prediction, self._sensor, [detection.covariance for detection in detections])
+        # Features that no reading comes near have no part in it, and would make it slow.
+        near = np.flatnonzero((fit.d2 <= new_gate).any(axis=0))
+        prediction, fit = prediction.select(near), Compatibility(*(part[:, near] for part in fit))
+        found = joint_compatibility(fit, self.filter.joint_covariance(prediction), self._gates)
+        assigned = distinct(found.assigned, fit.d2, new_gate)
+        self.counts.cut_short += not found.complete
+        self.counts.ambiguous += int(np.count_nonzero(assigned == IGNORED))
+        return [prediction.ids[j] if j >= 0 else int(j) for j in assigned]
 
     def _update(self, detections: Sequence[Detection], assigned: Sequence[int]) -> Innovation:
         """Correct the state by the readings of features that are in it."""

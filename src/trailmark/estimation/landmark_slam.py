@@ -15,7 +15,6 @@ from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.landmark_graph import (
     Estimate,
     IntArray,
-    Readings,
     moved,
     polar_readings,
     relative_covariance,
@@ -182,7 +181,7 @@ def smoothed(
     readings = polar_readings(detections, instants, settings.range_bearing)
     batch = Batch(track, readings, instants, track.stated_variances(settings.velocity, settings.increment))
     poses = _poses_at(result.trajectory, instants, start)
-    estimate = batch.solve(poses, _first_places(result, readings, poses, feature), feature)
+    estimate = batch.solve(poses, np.array([f.mean for f in result.features]), feature)
     stated, auto = misfit(batch, estimate), settings.fit_noise == "auto"
     if any(f.identity is not None for f in result.features):
         if settings.fit_noise is True or (auto and (stated.understated or stated.overstated)):
@@ -227,21 +226,6 @@ def _features_of(result: SlamResult) -> IntArray:
     by_name: dict[int | None, int] = {f.identity: i for i, f in enumerate(result.features) if f.identity is not None}
     numbers = [by_name.get(a.identity, -1) if by_name else by_id.get(a.feature, -1) for a in result.assignments]
     return np.array(numbers, dtype=np.intp)
-
-
-def _first_places(result: SlamResult, readings: Readings, poses: FloatArray, feature: IntArray) -> FloatArray:
-    """Return where to begin with each feature, shape (m, 2): the filter's estimate, or the middle of its readings."""
-    z, pose = readings.z, poses[readings.instant]
-    direction = pose[:, 2] + z[:, 1]
-    seen = pose[:, :2] + z[:, :1] * np.column_stack([np.cos(direction), np.sin(direction)])
-    places = np.array([f.mean for f in result.features])
-    for i in range(len(places)):
-        own = seen[feature == i]
-        if len(own):
-            middle = np.median(own, axis=0)
-            far = [np.median(np.hypot(*(own - place).T)) for place in (places[i], middle)]
-            places[i] = middle if 2.0 * far[1] < far[0] else places[i]
-    return places
 
 
 def _result(
