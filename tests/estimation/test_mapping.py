@@ -82,7 +82,7 @@ def test_detections_become_discs_with_their_covariances() -> None:
     assert nees(errors, stated[:, :2, :2]).max() < 20.0
     assert np.hypot(*errors.T).max() < 0.2
     assert stated[:, 2, 2] == pytest.approx(0.02**2)
-    assert [disc.center for disc in discs(mapped.world)] == pytest.approx([tuple(place) for place in found.tolist()])
+    assert np.array([disc.center for disc in discs(mapped.world)]) == pytest.approx(found)
     assert {disc.radius for disc in discs(mapped.world)} == {RADIUS}
     assert mapped.world.obstacles == tuple(e.mean for e in mapped.world.estimates if e is not None)
     assert mapped.world.risk is None

@@ -1,5 +1,5 @@
 # ruff: noqa: E741, N802, N806 # the filter's own symbols
-"""The SLAM filter against filterpy's dense one and the filter written on the group; what each mode promises."""
+"""The SLAM filter against filterpy's dense one and the filter written on the group."""
 
 from __future__ import annotations
 
@@ -17,17 +17,8 @@ FloatArray = NDArray[np.float64]
 
 SENSOR = RangeBearing(0.1, 0.03)
 MOTION = Unicycle(0.1, 0.05)
-Q = np.diag([0.1**2, 0.05**2])
 R = np.diag([0.1**2, 0.03**2])
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
-
-
-def wrapped(angle: float) -> float:
-    return float(np.angle(np.exp(1j * angle)))
-
-
-def reading(ekf: SlamFilter, feature: int, rng: np.random.Generator) -> FloatArray:
-    return np.asarray(SENSOR.sample(ekf.pose, ekf.feature(feature), rng))
 
 
 def wander(ekf: SlamFilter, updates: int, rng: np.random.Generator) -> None:
@@ -38,7 +29,7 @@ def wander(ekf: SlamFilter, updates: int, rng: np.random.Generator) -> None:
     for _ in range(updates):
         ekf.predict(MOTION, [0.5, rng.uniform(-0.5, 0.5), 0.1])
         i = ids[rng.integers(len(ids))]
-        ekf.update(reading(ekf, i, rng), SENSOR, i)
+        ekf.update(SENSOR.sample(ekf.pose, ekf.feature(i), rng), SENSOR, i)
 
 
 @pytest.mark.slow

@@ -193,7 +193,7 @@ class Smoother:
         return LinearSystem(rows, columns, entries, 3 * self._poses + 2 * len(solution.features))
 
     def pair_covariances(self, solution: Solution) -> tuple[FloatArray, FloatArray]:
-        """Return the covariance of each pose and the next together, shape (n − 1 or 1, 6, 6), in the map's axes.
+        """Return the covariance of each pose and the next together, shape (n − 1, 6, 6), in the map's axes.
 
         The second pose's is that of a pose at the first one's place, fixed to it. Likewise, shape (…, 3, 3), the
         noise that each motion has at least.
@@ -208,8 +208,7 @@ class Smoother:
             # gtsam refuses systems in which some directions are known thousands of times better than others.
             system = self.linearised(solution)
             pairs = [system.covariance(np.arange(3 * i, 3 * i + 6)) for i in range(len(poses) - 1)]
-        # A single pose is its own next, and held.
-        local, poses = (np.array(pairs), poses) if pairs else (np.zeros((1, 6, 6)), np.repeat(poses, 2, axis=0))
+        local = np.array(pairs)
         to = np.zeros((len(local), 6, 6))
         to[:, :3, :3] = rotations(poses[:-1, 2])
         to[:, 3:, 3:] = _arms(poses[:-1, :2] - poses[1:, :2]) @ rotations(poses[1:, 2])
@@ -246,12 +245,8 @@ class Estimate(NamedTuple):
     calibrated: FloatArray  # how the whitened residuals change with calibration, shape (rows, c)
     precision: FloatArray  # of the calibration before the log, shape (c,)
 
-    def feature_covariance(self, moves: FloatArray | None = None) -> FloatArray:
-        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m).
-
-        Args:
-            moves: how calibration moves the features besides, shape (2m, c).
-        """
+    def feature_covariance(self) -> FloatArray:
+        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m)."""
         columns = 3 * len(self.solution.poses) + np.arange(2 * len(self.solution.features))
         joint = self.system.covariance(columns)
         if self.calibrated.shape[1] == 0:
@@ -259,8 +254,7 @@ class Estimate(NamedTuple):
         follow = self.system.estimate(self.calibrated)
         left = self.calibrated - self.system.A @ follow
         own = np.linalg.inv(self.calibrated.T @ left + np.diag(self.precision))
-        by = follow[columns] if moves is None else follow[columns] + moves
-        return np.asarray(joint + by @ own @ by.T)
+        return np.asarray(joint + follow[columns] @ own @ follow[columns].T)
 
     def missed(self) -> FloatArray:
         """Return the mean square of what features' errors miss of the readings' curvature, shape (m, 2, 2).

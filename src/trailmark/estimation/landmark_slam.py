@@ -15,10 +15,10 @@ from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.landmark_graph import (
     Estimate,
     IntArray,
+    Solution,
     moved,
     polar_readings,
     relative_covariance,
-    rotations,
     turned,
 )
 from trailmark.estimation.map_settings import MappingSettings, MapSettings
@@ -176,7 +176,9 @@ def smoothed(
         on_round: called with the number of rounds done, and how many there are at most.
     """
     detections = [assignment.detection for assignment in result.assignments]
-    instants, feature = np.unique([detection.t for detection in detections]), _features_of(result)
+    # The start is a second before the first record, since an increment ends at its time.
+    instants = np.unique([times[0] - 1.0, *(detection.t for detection in detections)])
+    feature = _features_of(result)
     track = OdometryTrack(records)
     readings = polar_readings(detections, instants, settings.range_bearing)
     batch = Batch(track, readings, instants, track.stated_variances(settings.velocity, settings.increment))
@@ -239,20 +241,9 @@ def _result(
     plain: dict[str, Any],
 ) -> BatchResult:
     """Return what the batch came to in the start's frame and in that of the features, with the scale's uncertainty."""
-    # Nothing but odometry says how the robot came to where it read first, so that it is no matter of the factors'. The
-    # start is a second before the first record, since an increment ends at its time.
-    ways = np.array([times[0] - 1.0, batch.instants[0]])
-    way = batch.motions(ways)
-    estimate = _begun_at(estimate, compose(start, way.u[0]))
+    estimate = _begun_at(estimate, start)
     solution, scale, origin = estimate.solution, scale_of(batch, estimate), start[:2]
-    along = np.zeros((2 * len(solution.features), 3))
-    along[0::2, 0] = along[1::2, 1] = 1.0
-    x, y = (solution.features - solution.poses[0, :2]).T
-    along[0::2, 2], along[1::2, 2] = -y, x
-    moves = np.zeros((len(along), estimate.calibrated.shape[1]))
-    moves[:, :3] = (along @ rotations(start[2:])[0] @ batch.motion_changes(ways)[0])[:, : moves.shape[1]]
-    joint = halves * estimate.feature_covariance(moves)
-    lead = along @ turned(batch.motion_covariance(way), start[2:])[0] @ along.T
+    joint = halves * estimate.feature_covariance()
     means = origin + scale.factor * (solution.features - origin)
     poses = solution.poses.copy()
     poses[:, :2] = origin + scale.factor * (poses[:, :2] - origin)
@@ -262,9 +253,9 @@ def _result(
     joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
     blocks, within = (
         0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]])
-        for P in (joint + lead, relative_covariance(means, joint))
+        for P in (joint, relative_covariance(means, joint))
     )
-    blocks += _bent(means - origin, lead[own[:, :, None], own[:, None, :]])
+    blocks += _bent(means - origin, _led(batch, solution, start))
     smooth_poses, covariances = _poses_between(batch, estimate, poses, times, halves)
     off = smooth_poses[:, :2] - origin
     covariances[:, :2, :2] += scale.sigma**2 * off[:, :, None] * off[:, None, :]
@@ -282,6 +273,13 @@ def _result(
         counts=replace(result.counts, outliers=outliers, used=len(used)),
     )
     return BatchResult(smooth, within if len(means) >= FEWEST else None, plain)
+
+
+def _led(batch: Batch, solution: Solution, start: FloatArray) -> FloatArray:
+    """Return the covariance of features by what was driven before the first reading, shape (m, 2, 2)."""
+    P = turned(batch.motion_covariance(batch.motions())[:1], start[2:])  # noqa: N806 # a covariance
+    away = solution.features - solution.poses[1, :2]
+    return moved(np.tile(P, (len(away), 1, 1)), away)[:, :2, :2]
 
 
 def _bent(away: FloatArray, lead: FloatArray) -> FloatArray:
@@ -302,7 +300,7 @@ def _poses_between(
     over the time between the two.
     """
     instants = batch.instants
-    every = np.union1d(times, [times[0] - 1.0, *instants])
+    every = np.union1d(times, instants)
     motions = batch.motions(every)
     u = motions.u
     heading = np.concatenate([[0.0], np.cumsum(u[:, 2])])
@@ -313,21 +311,18 @@ def _poses_between(
     last = np.clip(np.searchsorted(instants, every, side="right") - 1, 0, None)
     there = compose(poses[last], between(reckoned[anchors[last]], reckoned))
     following = np.minimum(last + 1, len(anchors) - 1)
-    ends = compose(poses[last], between(reckoned[anchors[last]], reckoned[anchors[following]]))
-    missed = poses[following] - ends
+    missed = poses[following] - compose(poses[last], between(reckoned[anchors[last]], reckoned[anchors[following]]))
     missed[:, 2] = wrap(missed[:, 2])
-    span = instants[following] - instants[last]
-    part = np.where(span > 0.0, (every - instants[last]) / np.where(span > 0.0, span, 1.0), 0.0)
-    there += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
+    # After the last one there is none to be led to.
+    part = (every - instants[last]) / np.where(following > last, instants[following] - instants[last], np.inf)
+    there += part[:, None] * missed
     there[:, 2] = wrap(there[:, 2])
     # As errors of a motion of the whole plane about one place, those of successive motions add up.
     steps, number = turned(batch.motion_covariance(motions), there[:-1, 2]), np.arange(len(every))
     steps = moved(steps, poses[0, :2] - there[1:, :2])
-    leading = (number[1:] <= anchors[0])[:, None, None]
-    lead, grown = np.zeros((2, len(every), 3, 3))
-    lead[1:], grown[1:] = np.cumsum(steps * leading, axis=0), np.cumsum(steps * ~leading, axis=0)
-    pair = np.minimum(last, max(0, len(instants) - 2))
-    first, second = anchors[pair], anchors[np.minimum(pair + 1, len(instants) - 1)]
+    grown = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(steps, axis=0)])
+    pair = np.minimum(last, len(instants) - 2)
+    first, second = anchors[pair], anchors[pair + 1]
     place, inside = poses[pair, :2], np.minimum(number, second)
     before, whole, beyond = (
         moved(grown[i] - grown[j], place - poses[0, :2])
@@ -337,7 +332,7 @@ def _poses_between(
     share = before @ np.linalg.inv(whole + least[pair])
     both = np.concatenate([np.eye(3) - share, share], axis=2)
     P = both @ (halves * estimated[pair]) @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance
-    P = moved(P, there[:, :2] - place) + moved(lead, there[:, :2] - poses[0, :2])  # noqa: N806
+    P = moved(P, there[:, :2] - place)  # noqa: N806
     covariances = 0.5 * (P + np.swapaxes(P, 1, 2))
     wanted = np.searchsorted(every, times)
     return there[wanted], covariances[wanted]

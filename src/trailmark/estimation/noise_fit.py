@@ -17,7 +17,6 @@ from trailmark.estimation.covariance import chi_square_quantile
 from trailmark.estimation.landmark_graph import (
     Estimate,
     IntArray,
-    LinearSystem,
     Readings,
     Smoother,
     Solution,
@@ -326,29 +325,24 @@ def disagreement(batch: Batch, estimate: Estimate) -> float:
     The halves share neither readings nor odometry. What their maps differ by, relative to all features that both
     have, should be as their covariances say; errors that last longer than any correlation shows make it larger.
     """
-    n = len(batch.instants)
-    if n < 4:
-        return 1.0
-    motions, readings, parts = batch.motions(), batch.readings(), []
-    P = batch.motion_covariance(motions)
-    for first, last in ((0, n // 2), (n // 2, n)):
-        own = (readings.instant >= first) & (readings.instant < last) & (estimate.feature >= 0)
-        part = Readings(readings.instant[own] - first, readings.z[own], readings.covariance[own], readings.stated)
-        seen, feature = np.unique(estimate.feature[own], return_inverse=True)
-        inside = slice(first, last - 1)
-        smoother = Smoother(motions.u[inside], P[inside], part, feature, GATE)
-        solution = smoother.solve(estimate.solution.poses[first:last], estimate.solution.features[seen], ROUGH)
-        parts.append((seen, solution.features, smoother.linearised(solution)))
-    both = np.intersect1d(parts[0][0], parts[1][0])
+    readings, used, n = batch.readings(), estimate.feature >= 0, len(batch.instants)
+    halves = [(0, n // 2), (n // 2, n)]
+    owns = [(readings.instant >= first) & (readings.instant < last) & used for first, last in halves]
+    both = np.intersect1d(*(estimate.feature[own] for own in owns))
     if len(both) < 4:
         return 1.0
+    motions = batch.motions()
+    P = batch.motion_covariance(motions)
     gap, joint = np.zeros((len(both), 2)), np.zeros((2 * len(both), 2 * len(both)))
-    system: LinearSystem
-    for sign, (seen, found, system) in zip((1.0, -1.0), parts, strict=True):
+    for sign, (first, last), own in zip((1.0, -1.0), halves, owns, strict=True):
+        part = Readings(readings.instant[own] - first, readings.z[own], readings.covariance[own], readings.stated)
+        seen, feature = np.unique(estimate.feature[own], return_inverse=True)
+        smoother = Smoother(motions.u[first : last - 1], P[first : last - 1], part, feature, GATE)
+        solution = smoother.solve(estimate.solution.poses[first:last], estimate.solution.features[seen], ROUGH)
         at = np.searchsorted(seen, both)
-        gap += sign * found[at]
-        first = system.A.shape[1] - 2 * len(seen)
-        joint += system.covariance((first + 2 * at[:, None] + np.arange(2)).reshape(-1))
+        gap += sign * solution.features[at]
+        columns = 3 * (last - first) + 2 * at[:, None] + np.arange(2)
+        joint += smoother.linearised(solution).covariance(columns.reshape(-1))
     S, dof = gauge_free(estimate.solution.features[both]), 2 * len(both) - 3
     values, vectors = np.linalg.eigh(S @ joint @ S.T)
     d2 = float(((vectors[:, 3:].T @ (S @ gap.reshape(-1))) ** 2 / values[3:]).sum())

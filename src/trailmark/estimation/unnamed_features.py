@@ -298,9 +298,9 @@ def _filtered(
         if assignment.feature is not None:
             feature[number[id(assignment.detection)]] = numbers.get(assignment.feature, -1)
     labels = Labels(np.array([f.mean for f in result.features]).reshape(-1, 2), feature)
-    rows = result.trajectory
+    rows = np.vstack([[-1.0, *estimate.solution.poses[order][0]], result.trajectory])
     at = np.searchsorted(rows[:, 0], np.arange(len(batch.instants)), side="right") - 1
-    return labels.only(labels.counts() > 0), rows[np.maximum(at, 0), 1:][order]
+    return labels.only(labels.counts() > 0), rows[at, 1:][order]
 
 
 def _records(batch: Batch, back: bool) -> tuple[list[Record], dict[int, int]]:
