@@ -70,28 +70,13 @@ def pose_errors(result: SlamResult, truth: FloatArray) -> tuple[FloatArray, Floa
 
 
 @pytest.mark.slow
-def test_known_identities_give_map_and_trajectory() -> None:
-    records, truth = drive(1)
-    result = slam().run(records)
-    assert sorted(f.identity for f in result.features if f.identity is not None) == list(range(12))
-    for feature in result.features:
-        assert feature.identity is not None
-        assert np.hypot(*(feature.mean - POSTS[feature.identity])) < 0.3
-    error, P = pose_errors(result, truth)
-    assert np.hypot(error[:, 0], error[:, 1]).max() < 0.3
-    assert (np.linalg.eigvalsh(P[1:]) > 0.0).all()
-    assert result.counts.used == result.counts.detections == sum(isinstance(r, Detection) for r in records)
-    assert sum(f.readings for f in result.features) == result.counts.used
-    assert np.all(np.diff(result.trajectory[:, 0]) > 0.0)
-
-
-@pytest.mark.slow
 def test_consistent_over_many_runs() -> None:
     # NEES of the last pose over many runs, of the features too, and all NIS: in the bands that miss once in a thousand.
     ends, features, nis, dof = [], [], [], []
     for seed in trials(25, of=2):
         records, truth = drive(100 + seed, seconds=10.0)
         result = slam().run(records)
+        assert result.counts.used == result.counts.detections == sum(f.readings for f in result.features)
         error, P = pose_errors(result, truth)
         ends.append(nees(error[-1], P[-1]))
         feature = next(f for f in result.features if f.identity == 0)
@@ -201,17 +186,6 @@ def test_outliers_of_a_known_identity() -> None:
     assert 5 <= gated.counts.outliers <= sum(a is not b for a, b in zip(bad, records, strict=True))
     assert np.hypot(error[:, 0], error[:, 1]).max() < 0.3
     assert np.abs(worse).max() > 2.0 * np.abs(error).max()
-
-
-def test_stated_covariances_count() -> None:
-    z, R = np.array([2.0, 0.3]), np.diag([0.3, 0.1]) ** 2
-    stated = slam().run([Detection(0.0, z, identity=1, covariance=R), Detection(0.0, z, identity=2)])
-    first, second = stated.features
-    # A little more, for what a linearised reading misses.
-    assert np.linalg.det(first.covariance) == pytest.approx(np.linalg.det(R) * 4.0, rel=0.2)
-    assert np.linalg.det(second.covariance) == pytest.approx(np.linalg.det(SENSOR.R) * 4.0, rel=0.2)
-    moved = incremental().run([Increment(0.0, 1.0, 0.0, 0.0, np.diag([0.1, 0.2, 0.3]))])
-    assert np.allclose(moved.covariances[-1], np.diag([0.1, 0.2, 0.3]))
 
 
 @pytest.mark.parametrize(

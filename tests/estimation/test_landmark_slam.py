@@ -200,21 +200,6 @@ def test_halves_of_a_log_that_disagree_enlarge_the_covariances_and_are_told() ->
 
 
 @pytest.mark.slow
-def test_names_misread_at_first_sight() -> None:
-    seen: set[int] = set()
-    records = []
-    for record in log().records:
-        if isinstance(record, Detection) and record.identity is not None and record.identity not in seen:
-            seen.add(record.identity)
-            record = record._replace(z=record.z + np.array([2.0, 0.5]))
-        records.append(record)
-    mapped = map_log(log()._replace(records=tuple(records)), RIGHT)
-    assert errors(mapped)[0] < 0.1
-    assert mapped.slam is not None
-    assert mapped.slam.counts.outliers == pytest.approx(len(POSTS), abs=3)
-
-
-@pytest.mark.slow
 def test_landmarks_and_poses_are_as_wrong_as_their_covariances_say() -> None:
     """NEES by its expectation: of landmarks in the map's own frame, of landmarks and poses in the start's."""
     found = []

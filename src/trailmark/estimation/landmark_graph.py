@@ -45,16 +45,13 @@ def polar_readings(detections: Sequence[Detection], instants: FloatArray, sensor
 
     The times of all detections are among the instants, shape (m,), ascending.
     """
-    n = len(detections)
-    z = np.array([detection.z for detection in detections], dtype=np.float64).reshape(n, 2)
-    own = np.zeros((n, 2, 2))
-    own[:, 0, 0] = (sensor.sigma_range * (1.0 + sensor.growth * np.maximum(z[:, 0], 0.0))) ** 2
-    own[:, 1, 1] = sensor.sigma_bearing**2
-    stated = np.array([detection.covariance is not None for detection in detections], dtype=bool)
-    if stated.any():
-        own[stated] = [detection.covariance for detection in detections if detection.covariance is not None]
-    times = np.array([detection.t for detection in detections], dtype=np.float64)
-    return Readings(np.searchsorted(instants, times), z, own, bool(n and stated.all()))
+    z = np.array([detection.z for detection in detections], dtype=np.float64).reshape(-1, 2)
+    sigma = sensor.sigma_range * (1.0 + sensor.growth * np.maximum(z[:, 0], 0.0))
+    stated = [detection.covariance for detection in detections]
+    own = [np.diag([s**2, sensor.sigma_bearing**2]) if R is None else R for s, R in zip(sigma, stated, strict=True)]
+    instant = np.searchsorted(instants, [detection.t for detection in detections])
+    all_stated = bool(stated) and all(R is not None for R in stated)
+    return Readings(instant, z, np.array(own, dtype=np.float64).reshape(-1, 2, 2), all_stated)
 
 
 class LinearSystem:

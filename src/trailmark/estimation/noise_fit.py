@@ -128,22 +128,19 @@ class Batch:
         self.sources[:, 1, 1, 1] = readings.covariance[:, 1, 1]
         self.fitted = False
 
-    def motions(self, instants: FloatArray | None = None, *, covariances: bool = True) -> Motions:
+    def motions(self, instants: FloatArray | None = None) -> Motions:
         """Return the motions between the instants, or others, calibrated."""
-        at = self.instants if instants is None else instants
-        return self.track.motions(at, self.noise.calibration[:3], covariances=covariances)
+        return self.track.motions(self.instants if instants is None else instants, self.noise.calibration[:3])
 
     def motion_covariance(self, motions: Motions) -> FloatArray:
         """Return their covariances, shape (n − 1, 3, 3)."""
         return motions.covariance(self.noise.motion_variances * self.noise.motion_times)
 
-    def motion_changes(self, instants: FloatArray) -> FloatArray:
-        """Return how the motions between instants, shape (n,), change with odometry's calibration, (n − 1, 3, 3)."""
-        changes, u = np.zeros((len(instants) - 1, 3, 3)), self.motions(instants, covariances=False).u
-        for i, step in enumerate(STEP * np.eye(3)):
-            other = self.track.motions(instants, self.noise.calibration[:3] + step, covariances=False).u
-            changes[:, :, i] = (other - u) / STEP
-        return changes
+    def motion_changes(self) -> FloatArray:
+        """Return how the motions between the instants change with odometry's calibration, shape (n − 1, 3, 3)."""
+        by = [self.noise.calibration[:3] + step for step in STEP * np.vstack([np.zeros(3), np.eye(3)])]
+        u, *others = (self.track.motions(self.instants, each, covariances=False).u for each in by)
+        return np.stack([(other - u) / STEP for other in others], axis=2)
 
     def readings(self, *, single: bool = False) -> Readings:
         """Return the readings, calibrated, with their noise; ``single``: as one is spread, not what many are worth."""
@@ -272,7 +269,7 @@ class Batch:
         if not self.fitted:
             return np.zeros((3 * n + 2 * len(smoother.used) + 3, 0)), np.zeros(0)
         of_motions, of_readings = np.zeros((n, 3, 5)), np.zeros((r, 2, 5))
-        for i, change in enumerate(np.moveaxis(self.motion_changes(self.instants), 2, 0)):
+        for i, change in enumerate(np.moveaxis(self.motion_changes(), 2, 0)):
             of_motions[:, :, i] = smoother.at_end(change)
         of_readings[:, 0, 3:] = -self.readings().z[:, :1] * self.bent
         return smoother.whitened(solution, of_motions, of_readings), EXPECTED**-2.0
