@@ -296,7 +296,7 @@ def disagreement(batch: Batch, estimate: Estimate) -> float:
     readings, used, n = batch.readings(), estimate.feature >= 0, len(batch.instants)
     halves = [(0, n // 2), (n // 2, n)]
     owns = [(readings.instant >= first) & (readings.instant < last) & used for first, last in halves]
-    both = np.intersect1d(*(estimate.feature[own] for own in owns))
+    both = np.intersect1d(estimate.feature[owns[0]], estimate.feature[owns[1]])
     if len(both) < 4:
         return 1.0
     motions = batch.motions()
