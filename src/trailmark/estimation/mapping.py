@@ -22,7 +22,8 @@ from trailmark.estimation.odometry import missing_odometry, scan_poses
 from trailmark.estimation.pose_graph import GraphSettings
 from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan, with_own_times
 from trailmark.estimation.risk import regrow
-from trailmark.se2 import FloatArray, transform, wrap
+from trailmark.estimation.unnamed_features import seen_from
+from trailmark.se2 import FloatArray, transform
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import ObstacleEstimate, Query, Robot, World
 from trailmark.world.estimates import FRAMES, Frame
@@ -475,8 +476,7 @@ def association_doubts(result: SlamResult, estimates: Sequence[ObstacleEstimate]
     places, found = np.array([f.mean for f in result.features]), list[str]()
     at = np.clip(np.searchsorted(result.trajectory[:, 0], times, side="right") - 1, 0, None)
     pose = result.trajectory[at, 1:]
-    dx, dy = (places[None] - pose[:, None, :2]).transpose(2, 0, 1)
-    ranges, bearings = np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - pose[:, 2:]))
+    ranges, bearings = seen_from(pose, places)
     rows = ranges[instant, feature], bearings[instant, feature]
     (near, far), (right, left) = (np.quantile(row, [0.05, 0.95]) for row in rows)
     inside = (ranges >= near) & (ranges <= far) & (bearings >= right) & (bearings <= left)

@@ -27,6 +27,7 @@ from trailmark.se2 import FloatArray, between, wrap
 # The share of readings that two features may have at common instants and still be one: some were read twice.
 TOGETHER = 0.02
 TURNS = 3  # Filter and batch: forwards, backwards, forwards.
+SELDOM = 0.2  # A feature read so many times less often than usual, where it should be seen, is none.
 # By how much larger the odometry's variances are while the filter associates: where it skidded once, a pose that is
 # too sure of itself takes a neighbour for the feature itself.
 CAUTION = 4.0
@@ -122,6 +123,29 @@ def _assigned(labels: Labels, poses: FloatArray, readings: Readings) -> Labels:
     return Labels(labels.places, feature)
 
 
+def seen_from(poses: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ranges and bearings, shape (n, m) each, of places (m, 2) from poses (n, 3)."""
+    dx, dy = (places[None] - poses[:, None, :2]).transpose(2, 0, 1)
+    return np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - poses[:, 2:]))
+
+
+def _without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
+    """Return the features without those that hardly any reading shows, or much fewer than should.
+
+    A feature should be seen where it lies in the box of the middle 90 % of ranges and bearings.
+    """
+    counts = labels.counts()
+    used = readings.z[labels.feature >= 0]
+    if not len(used):
+        return labels
+    low, high = np.quantile(used, [0.05, 0.95], axis=0)
+    r, bearing = seen_from(poses, labels.places)
+    inside = (r >= low[0]) & (r <= high[0]) & (bearing >= low[1]) & (bearing <= high[1])
+    share = counts / np.maximum(inside.sum(axis=0), counts)
+    usual = float(np.average(share, weights=counts)) if counts.sum() else 0.0
+    return labels.only((counts >= confirm) & (share >= SELDOM * usual))
+
+
 def associated(
     batch: Batch,
     labels: Labels,
@@ -181,7 +205,7 @@ def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> 
         readings = batch.readings(single=True)
         labels = _merged(labels, estimate.feature_covariance(), readings.instant)
         labels = _assigned(labels, poses, readings)
-        labels = labels.only(labels.counts() >= confirm)
+        labels = _without_unseen(labels, poses, readings, confirm)
         estimate = batch.solve(poses, labels.places, labels.feature)
         labels, poses = Labels(estimate.solution.features, labels.feature), estimate.solution.poses
     return labels, estimate
