@@ -118,6 +118,10 @@ class Batch:
         self.bent = powers - powers.mean(axis=0)  # what a and b are multiplied by, shape (r, 2)
         calibration = np.append(UNCALIBRATED, [0.0, 0.0])
         self.noise = Noise(calibration, motion_variances, np.ones(len(motion_variances)), np.ones(2), np.ones(2))
+        # Ranges' and bearings' own covariance, as stated: what is estimated is by what each is multiplied.
+        self.sources = np.zeros((len(readings.z), 2, 2, 2))
+        self.sources[:, 0, 0, 0] = readings.covariance[:, 0, 0]
+        self.sources[:, 1, 1, 1] = readings.covariance[:, 1, 1]
         self.fitted = False
 
     def motions(self, instants: FloatArray | None = None) -> Motions:
@@ -138,8 +142,8 @@ class Batch:
         """Return the readings, calibrated, with their noise; ``single``: as one is spread, not what many are worth."""
         if not self.fitted:
             return self.raw
-        factors = np.sqrt(self.noise.reading_variances * (1.0 if single else self.noise.reading_times))
-        R = self.raw.covariance * np.outer(factors, factors)
+        times = 1.0 if single else self.noise.reading_times
+        R = np.einsum("k,nkij->nij", self.noise.reading_variances * times, self.sources)
         ranges = self.raw.z[:, 0] * np.exp(-self.bent @ self.noise.calibration[3:])
         return self.raw._replace(z=np.column_stack([ranges, self.raw.z[:, 1]]), covariance=R)
 
@@ -200,23 +204,27 @@ class Batch:
         now = noise.calibration - np.append(UNCALIBRATED, [0.0, 0.0])
         step = np.linalg.solve(calibrated.T @ left + np.diag(precision), (left.T @ b)[:, 0] + precision * now)
         redundancy = system.redundancy(self.rng)
-        of_motions = _updated_variances(
-            noise.motion_variances * noise.motion_times,
-            smoother.components_at_end(motions.components),
-            smoother.motion_roots,
-            b[: 3 * n].reshape(-1, 3),
-            redundancy[: 3 * n].reshape(-1, 3),
-        )
-        shown, expected = (part[3 * n : -3].reshape(-1, 2).sum(axis=0) for part in (b**2, redundancy))
-        ratio = np.where(expected > 0.0, shown / np.where(expected > 0.0, expected, 1.0), 1.0)
-        of_readings = np.maximum(noise.reading_variances * noise.reading_times * ratio, SMALLEST)
+        of_motions, of_readings = (
+            _updated_variances(
+                variances, components, roots, b[rows].reshape(-1, width), redundancy[rows].reshape(-1, width)
+            )
+            for variances, components, roots, rows, width in (
+                (noise.motion_variances * noise.motion_times, smoother.components_at_end(motions.components),
+                 smoother.motion_roots, slice(0, 3 * n), 3),
+                (noise.reading_variances * noise.reading_times, self.sources[smoother.used],
+                 smoother.reading_roots, slice(3 * n, -3), 2),
+            )
+        )  # fmt: skip
         self.noise = noise._replace(
             calibration=noise.calibration - step, motion_variances=of_motions, reading_variances=of_readings
         )
         good = self._judged(smoother, solution, feature)
         ranges, bearings, along, turning = self.correlation_times(smoother, solution, moved, good)
-        motion_times = np.repeat([along, turning], [len(of_motions) // 2, -(-len(of_motions) // 2)])
-        self.noise = self.noise._replace(reading_times=np.array([ranges, bearings]), motion_times=motion_times)
+        k = len(of_motions)
+        self.noise = self.noise._replace(
+            reading_times=np.array([ranges, bearings]),
+            motion_times=np.where(np.arange(k) < k // 2, along, turning),
+        )
         return good
 
     def _judged(self, smoother: Smoother, solution: Solution, feature: IntArray) -> IntArray:
