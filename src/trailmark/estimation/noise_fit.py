@@ -47,13 +47,17 @@ SURE = 0.99  # probability that maps of two halves of a log pass as agreeing, if
 FEW = 30.0  # expected squares below which no ratio is judged: that of 30 varies by a quarter
 
 
-def _updated_variances(
+def updated_variances(
     variances: FloatArray, components: FloatArray, roots: FloatArray, left: FloatArray, redundancy: FloatArray
 ) -> FloatArray:
-    """Return better variances of the k sources of noise, shape (k,).
+    """Return better variances of the sources of noise, shape (k,).
 
-    ``components`` (n, k, d, d) are covariances of n residuals for a variance of one of each source, ``left`` (n, d) the
-    residuals, whitened by ``roots`` (n, d, d); ``redundancy`` (n, d) is the share of the noise that each still shows.
+    Args:
+        variances: those that the estimate was made with, shape (k,).
+        components: covariance of each of n residuals for a variance of one of each source, shape (n, k, d, d).
+        roots: what whitened the residuals, shape (n, d, d).
+        left: the whitened residuals, shape (n, d).
+        redundancy: share of the noise that each still shows, shape (n, d).
     """
     V = np.einsum("nij,nkjl,nml->nkim", roots, components, roots)
     shown = np.einsum("ni,nkij,nj->k", left, V, left)
@@ -93,8 +97,8 @@ class Noise(NamedTuple):
     calibration: FloatArray  # systematic errors: the odometry's three, then a and b of ranges, shape (5,)
     motion_variances: FloatArray  # of each source of odometry's noise, shape (k,)
     motion_times: FloatArray  # how many successive errors of odometry are worth one, for the same sources, shape (k,)
-    reading_variances: FloatArray  # of ranges and bearings, by the stated ones, shape (2,)
-    reading_times: FloatArray  # how many successive errors of readings are worth one, shape (2,)
+    reading_variances: FloatArray  # of each source of the readings' noise, shape (j,)
+    reading_times: FloatArray  # how many successive errors of readings are worth one, likewise, shape (j,)
 
 
 class Batch:
@@ -118,7 +122,7 @@ class Batch:
         self.bent = powers - powers.mean(axis=0)  # what a and b are multiplied by, shape (r, 2)
         calibration = np.append(UNCALIBRATED, [0.0, 0.0])
         self.noise = Noise(calibration, motion_variances, np.ones(len(motion_variances)), np.ones(2), np.ones(2))
-        # Ranges' and bearings' own covariance, as stated: what is estimated is by what each is multiplied.
+        # Until noise is estimated: ranges' and bearings' own covariance, as stated.
         self.sources = np.zeros((len(readings.z), 2, 2, 2))
         self.sources[:, 0, 0, 0] = readings.covariance[:, 0, 0]
         self.sources[:, 1, 1, 1] = readings.covariance[:, 1, 1]
@@ -150,7 +154,10 @@ class Batch:
     def solve(self, poses: FloatArray, features: FloatArray, feature: IntArray) -> Estimate:
         """Return the optimum with noise and calibration as they are, readings beyond the gate left out.
 
-        It begins with poses (n, 3) and features (m, 2); ``feature`` is the number of each reading's, negative for none.
+        Args:
+            poses: a first guess, shape (n, 3).
+            features: likewise, shape (m, 2).
+            feature: for each reading the number of its feature; negative ones are left out.
         """
         solution, good = Solution(poses, features, np.inf), feature
         for _ in range(3):
@@ -170,7 +177,7 @@ class Batch:
         on_round: Callable[[int, int], None] | None = None,
     ) -> Estimate:
         """Return the optimum with noise and calibration estimated from the log; see :meth:`solve`."""
-        self.fitted = True
+        self._begin_fit()
         solution, good = Solution(poses, features, np.inf), feature
         for i in range(1, ROUNDS + 1):
             smoother, motions = self._smoother(good)
@@ -194,6 +201,20 @@ class Batch:
         motions = self.motions()
         return Smoother(motions.u, self.motion_covariance(motions), self.readings(), feature, GATE), motions
 
+    def _begin_fit(self) -> None:
+        """Give the readings' noise the sources that are estimated: by range where the log states nothing."""
+        self.fitted = True
+        if self.raw.stated:
+            return
+        r = np.maximum(self.raw.z[:, 0], 0.05)
+        self.sources = np.zeros((len(r), 4, 2, 2))
+        self.sources[:, 0, 0, 0], self.sources[:, 1, 0, 0] = 1.0, r**2
+        self.sources[:, 2, 1, 1], self.sources[:, 3, 1, 1] = 1.0, 1.0 / r**2
+        if len(self.noise.reading_variances) == 2:
+            size, level = np.median(r), [np.median(self.raw.covariance[:, j, j]) for j in (0, 1)]
+            start = 0.5 * np.array([level[0], level[0] / size**2, level[1], level[1] * size**2])
+            self.noise = self.noise._replace(reading_variances=start, reading_times=np.ones(4))
+
     def _improve(self, smoother: Smoother, solution: Solution, motions: Motions, feature: IntArray) -> IntArray:
         """Take the next step in calibration and noise; return the readings' features without outliers."""
         noise, n, system = self.noise, len(motions.u), smoother.linearised(solution)
@@ -205,7 +226,7 @@ class Batch:
         step = np.linalg.solve(calibrated.T @ left + np.diag(precision), (left.T @ b)[:, 0] + precision * now)
         redundancy = system.redundancy(self.rng)
         of_motions, of_readings = (
-            _updated_variances(
+            updated_variances(
                 variances, components, roots, b[rows].reshape(-1, width), redundancy[rows].reshape(-1, width)
             )
             for variances, components, roots, rows, width in (
@@ -222,7 +243,7 @@ class Batch:
         ranges, bearings, along, turning = self.correlation_times(smoother, solution, moved, good)
         k = len(of_motions)
         self.noise = self.noise._replace(
-            reading_times=np.array([ranges, bearings]),
+            reading_times=np.repeat([ranges, bearings], len(of_readings) // 2),
             motion_times=np.where(np.arange(k) < k // 2, along, turning),
         )
         return good
