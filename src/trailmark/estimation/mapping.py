@@ -35,6 +35,7 @@ MAX_SPEED = 10.0  # Metres a second: no indoor robot is as fast, and few outdoor
 # NIS to its expectation: what is nearer to 1 changes a covariance by less than a fifth of its deviation.
 MIN_RATIO = 0.7
 MIN_UPDATES = 30  # Updates before which the NIS says little.
+TOLD = 1.5  # Squared difference of the maps of a log's halves, for each expected one, from which on it is told.
 MAX_LEFT_OUT = 0.05  # Share of the readings that may fit no feature.
 # Share of the readings of features in the middle of the sensor's view that a right map has. Of 75 simulated maps
 # without identities that were right, 70 had more, of 31 wrong ones 5, and these fail another check.
@@ -526,7 +527,7 @@ def detection_warnings(run: SlamRun, poses: str) -> list[str]:
             f"the readings' errors are {kind} than the noise that is stated (NIS {nis.mean:.3g}, expected "
             f"{nis.expected:.3g}): the setting fit_noise: on estimates it"
         )
-    if batch is not None and batch.figures["halves"] > 1.0:
+    if batch is not None and batch.figures["halves"] > TOLD:
         found.append(
             f"the maps of the log's two halves differ by {math.sqrt(batch.figures['halves']):.1f} times what their "
             "covariances say, which are enlarged by as much: errors of sensor or odometry last"

@@ -43,7 +43,7 @@ STEP = 1e-4  # how far each number of the odometry's calibration is moved to see
 # shows it, and a sensor that is wrong by some percent from one bearing to another is not right on average.
 SCALE_SHARE = 0.25
 ODOMETRY_SCALE_SIGMA = 0.03  # how uncertain the scale of all that was driven is: the size of wheels is known to a few %
-SURE = 0.99  # probability that maps of two halves of a log pass as agreeing, if their covariances are right
+SURE = 0.99  # probability that maps of two halves of a log pass as agreeing, if the noise stated is right
 FEW = 30.0  # expected squares below which no ratio is judged: that of 30 varies by a quarter
 
 
@@ -346,7 +346,8 @@ def disagreement(batch: Batch, estimate: Estimate) -> float:
     S, dof = gauge_free(estimate.solution.features[both]), 2 * len(both) - 3
     values, vectors = np.linalg.eigh(S @ joint @ S.T)
     d2 = float(((vectors[:, 3:].T @ (S @ gap.reshape(-1))) ** 2 / values[3:]).sum())
-    return d2 / dof if d2 > chi_square_quantile(SURE, dof) else 1.0
+    # Noise that was estimated takes what lasts for white, so that any excess counts; stated noise may well be right.
+    return d2 / dof if d2 > (dof if batch.fitted else chi_square_quantile(SURE, dof)) else 1.0
 
 
 def scale(batch: Batch, estimate: Estimate) -> Scale:

@@ -4,7 +4,8 @@
 The first run of the filter knows neither the log's noise nor its systematic errors. What it confuses hardly harms
 these, which all readings share: once they are estimated, the filter runs again, over motions and readings set right,
 and after it the batch, which merges, assigns anew, splits and drops. Then it runs from the log's end to its start, in
-the map that there is: where it had lost its way before, it comes from the other side. After a third run the best counts.
+the map that there is: where it had lost its way before, it comes from the other side. After a third run the best one
+counts.
 """
 
 from __future__ import annotations
