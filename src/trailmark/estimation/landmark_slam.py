@@ -93,7 +93,7 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
     report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
     times = np.unique([record.t for record in records if not isinstance(record, Pose | Scan)])
     try:
-        batch = smoothed(records, settings, run.result, run.start, times, report)
+        batch = _smoothed(records, settings, run.result, run.start, times, report)
     except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
         return run._replace(failure=str(error).strip().partition("\n")[0])
     return run._replace(result=batch.result, batch=batch)
@@ -157,7 +157,7 @@ def _filtered(
     return SlamRun(result, association, np.array(tentative).reshape(-1, 2), start)
 
 
-def smoothed(
+def _smoothed(
     records: Sequence[Record],
     settings: MapSettings,
     result: SlamResult,
@@ -165,16 +165,7 @@ def smoothed(
     times: FloatArray,
     on_round: Callable[[int, int], None] | None = None,
 ) -> BatchResult:
-    """Return the batch optimum of the readings that EKF-SLAM assigned to the features of its map.
-
-    Args:
-        records: of the log, in the order of time.
-        settings: their noise, and whether it is estimated.
-        result: of EKF-SLAM over these records.
-        start: the first pose, shape (3,).
-        times: of the trajectory's rows, shape (k,), ascending.
-        on_round: called with the number of rounds done, and how many there are at most.
-    """
+    """Return the batch optimum of the readings that EKF-SLAM assigned to the features of its map, at these times."""
     detections = [assignment.detection for assignment in result.assignments]
     # The start is a second before the first record, since an increment ends at its time.
     instants = np.unique([times[0] - 1.0, *(detection.t for detection in detections)])

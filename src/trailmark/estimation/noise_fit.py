@@ -47,17 +47,13 @@ SURE = 0.99  # probability that maps of two halves of a log pass as agreeing, if
 FEW = 30.0  # expected squares below which no ratio is judged: that of 30 varies by a quarter
 
 
-def updated_variances(
+def _updated_variances(
     variances: FloatArray, components: FloatArray, roots: FloatArray, left: FloatArray, redundancy: FloatArray
 ) -> FloatArray:
-    """Return better variances of the sources of noise, shape (k,).
+    """Return better variances of the k sources of noise, shape (k,).
 
-    Args:
-        variances: those that the estimate was made with, shape (k,).
-        components: covariance of each of n residuals for a variance of one of each source, shape (n, k, d, d).
-        roots: what whitened the residuals, shape (n, d, d).
-        left: the whitened residuals, shape (n, d).
-        redundancy: share of the noise that each still shows, shape (n, d).
+    ``components`` (n, k, d, d) are covariances of n residuals for a variance of one of each source, ``left`` (n, d) the
+    residuals, whitened by ``roots`` (n, d, d); ``redundancy`` (n, d) is the share of the noise that each still shows.
     """
     V = np.einsum("nij,nkjl,nml->nkim", roots, components, roots)
     shown = np.einsum("ni,nkij,nj->k", left, V, left)
@@ -229,7 +225,7 @@ class Batch:
         step = np.linalg.solve(calibrated.T @ left + np.diag(precision), (left.T @ b)[:, 0] + precision * now)
         redundancy = system.redundancy(self.rng)
         of_motions, of_readings = (
-            updated_variances(
+            _updated_variances(
                 variances, components, roots, b[rows].reshape(-1, width), redundancy[rows].reshape(-1, width)
             )
             for variances, components, roots, rows, width in (

@@ -55,20 +55,14 @@ class Labels(NamedTuple):
         return np.bincount(self.feature[self.feature >= 0], minlength=len(self.places))
 
 
-def merged(labels: Labels, joint: FloatArray, instant: IntArray, probability: float) -> Labels:
-    """Return the features with those that are one merged, the nearest pair first.
+def _merged(labels: Labels, joint: FloatArray, instant: IntArray) -> Labels:
+    """Return the features with those that are one merged, the nearest pair first; ``joint`` is their covariance.
 
     Two are one if they were not read at the same instants and their difference passes the gate by its covariance, which
     counts what their errors have in common. Taking them for equal corrects all others, before the next pair.
-
-    Args:
-        labels: the features.
-        joint: covariance of all of them together, shape (2m, 2m).
-        instant: of each reading, shape (r,).
-        probability: of the gate.
     """
     x, P = labels.places.copy(), joint.copy()
-    m, limit = len(x), float(chi_square_quantile(probability, 2))
+    m, limit = len(x), float(chi_square_quantile(BATCH_GATE, 2))
     owner, counts = np.arange(m), labels.counts().astype(float)
     seen = np.zeros((m, int(instant.max(initial=0)) + 1), dtype=np.float32)
     used = labels.feature >= 0
@@ -105,26 +99,18 @@ def merged(labels: Labels, joint: FloatArray, instant: IntArray, probability: fl
     return Labels(x, np.where(used, owner[labels.feature], -1)).only(alive)
 
 
-def assigned(labels: Labels, poses: FloatArray, readings: Readings, place_sigma: float, probability: float) -> Labels:
-    """Return each reading assigned to the feature that it fits best, by instants, each feature once; or to none.
-
-    Args:
-        labels: the features.
-        poses: of the instants, shape (n, 3).
-        readings: with the noise of single ones.
-        place_sigma: metres, how far features may be off.
-        probability: that a reading passes the gate of its own feature.
-    """
+def _assigned(labels: Labels, poses: FloatArray, readings: Readings) -> Labels:
+    """Return each reading assigned to the feature that it fits best, by instants, each feature once; or to none."""
     from scipy.optimize import linear_sum_assignment
 
-    limit = float(chi_square_quantile(probability, 2))
+    limit = float(chi_square_quantile(BATCH_GATE, 2))
     pose = poses[readings.instant]
     dx, dy = (labels.places[None] - pose[:, None, :2]).transpose(2, 0, 1)
     r = np.hypot(dx, dy)
     y = np.stack([readings.z[:, :1] - r, wrap(readings.z[:, 1:] - np.arctan2(dy, dx) + pose[:, 2:])], axis=2)
-    variance = np.diagonal(readings.covariance, axis1=1, axis2=2)[:, None] + place_sigma**2
+    variance = np.diagonal(readings.covariance, axis1=1, axis2=2)[:, None] + PLACE_SIGMA**2
     variance = np.broadcast_to(variance, y.shape).copy()
-    variance[:, :, 1] += place_sigma**2 * (1.0 / np.maximum(r, 0.1) ** 2 - 1.0)
+    variance[:, :, 1] += PLACE_SIGMA**2 * (1.0 / np.maximum(r, 0.1) ** 2 - 1.0)
     d2 = (y**2 / variance).sum(axis=2)
     feature = np.full(len(y), -1, dtype=np.intp)
     order = np.argsort(readings.instant, kind="stable")
@@ -138,22 +124,14 @@ def assigned(labels: Labels, poses: FloatArray, readings: Readings, place_sigma:
     return Labels(labels.places, feature)
 
 
-def split(labels: Labels, poses: FloatArray, readings: Readings, place_sigma: float, confirm: int) -> Labels:
-    """Return the features with those that unassigned readings show, at least ``confirm`` in one place.
-
-    Args:
-        labels: the features.
-        poses: of the instants, shape (n, 3).
-        readings: with the noise of single ones.
-        place_sigma: metres, how far apart readings of one thing may lie besides their own noise.
-        confirm: how many readings a feature needs.
-    """
+def _split(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
+    """Return the features with those that unassigned readings show, at least ``confirm`` in one place."""
     free = np.flatnonzero(labels.feature < 0)
     pose, z = poses[readings.instant[free]], readings.z[free]
     direction = pose[:, 2] + z[:, 1]
     seen = pose[:, :2] + z[:, :1] * np.column_stack([np.cos(direction), np.sin(direction)])
     spread = np.maximum(readings.covariance[free, 0, 0], z[:, 0] ** 2 * readings.covariance[free, 1, 1])
-    reach = 3.0 * np.sqrt(spread + place_sigma**2)
+    reach = 3.0 * np.sqrt(spread + PLACE_SIGMA**2)
     places, feature = list(labels.places), labels.feature.copy()
     left = np.ones(len(free), dtype=bool)
     while left.sum() >= confirm:
@@ -178,16 +156,10 @@ def seen_from(poses: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatA
     return np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - poses[:, 2:]))
 
 
-def without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
+def _without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
     """Return the features without those that hardly any reading shows, or much fewer than should.
 
     A feature should be seen where it lies in the box of the middle 90 % of ranges and bearings.
-
-    Args:
-        labels: the features.
-        poses: of the instants, shape (n, 3).
-        readings: of these instants.
-        confirm: how many readings a feature needs.
     """
     counts = labels.counts()
     used = readings.z[labels.feature >= 0]
@@ -258,10 +230,10 @@ def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> 
     poses = estimate.solution.poses
     for _ in range(2):
         readings = batch.readings(single=True)
-        labels = merged(labels, estimate.feature_covariance(), readings.instant, BATCH_GATE)
-        labels = assigned(labels, poses, readings, PLACE_SIGMA, BATCH_GATE)
-        labels = split(labels, poses, readings, PLACE_SIGMA, confirm)
-        labels = without_unseen(labels, poses, readings, confirm)
+        labels = _merged(labels, estimate.feature_covariance(), readings.instant)
+        labels = _assigned(labels, poses, readings)
+        labels = _split(labels, poses, readings, confirm)
+        labels = _without_unseen(labels, poses, readings, confirm)
         estimate = batch.solve(poses, labels.places, labels.feature)
         labels, poses = Labels(estimate.solution.features, labels.feature), estimate.solution.poses
     return labels, estimate
@@ -270,15 +242,7 @@ def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> 
 def _filtered(
     batch: Batch, estimate: Estimate, known: Labels | None, settings: SlamSettings, *, back: bool
 ) -> tuple[Labels, FloatArray]:
-    """Return what the filter associates, over motions and readings set right, and its poses.
-
-    Args:
-        batch: motions and readings.
-        estimate: what they came to so far.
-        known: features that it begins with.
-        settings: the filter's.
-        back: whether it runs from the last instant to the first.
-    """
+    """Return what the filter associates, beginning with known features at either end of the log, and its poses."""
     order = slice(None, None, -1 if back else 1)
     records, number = _records(batch, back)
     slam = EkfSlam(
