@@ -168,13 +168,13 @@ def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> Non
         return sum(shape.area for shape in World.load(file).obstacles)
 
     plain = area()
-    noisy = "{range_bearing: {sigma_range: 0.3, sigma_bearing: 0.1}, stated_noise: false}"
+    noisy = "{range_bearing: {sigma_range: 0.3, sigma_bearing: 0.1}, stated_noise: false, fit_noise: off}"
     for text in (noisy, "robot_sigma: [0.2, 0]", "radius_sigma: 0.05"):
         assert area(*given(tmp_path, text)) > 1.2 * plain
     for words, frame in ((("--start", START), "start"), (("--start", START, "--frame", "map"), "map")):
         assert area(*words) > 1.2 * plain if frame == "start" else area(*words) == pytest.approx(plain, rel=1e-3)
         assert {estimate.frame for estimate in World.load(file).estimates if estimate} == {frame}
-    assert area(*given(tmp_path, "slam: {association: nearest, confirm: 3, outlier_gate: null}")) > 0.0
+    assert area(*given(tmp_path, "slam: {association: joint, confirm: 3}")) > 0.0
 
 
 @pytest.mark.slow

@@ -14,12 +14,21 @@ from scipy.stats import chi2
 from tests.helpers.trials import few
 
 from trailmark.estimation import RangeBearing, SlamFilter, Unicycle
-from trailmark.estimation.association import IGNORED, NEW, Compatibility, compatibility, joint_compatibility, nearest
+from trailmark.estimation.ekf_slam import (
+    IGNORED,
+    NEW,
+    Compatibility,
+    Gates,
+    compatibility,
+    distinct,
+    joint_compatibility,
+)
 
 FloatArray = NDArray[np.float64]
 
 SENSOR = RangeBearing(0.1, 0.03)
 P = 0.95
+GATES = Gates(P, 0.9999)
 GATE, NEW_GATE = float(chi2.ppf(P, 2)), float(chi2.ppf(0.9999, 2))
 
 
@@ -63,8 +72,8 @@ def joint_distance(fit: Compatibility, joint: FloatArray, assignment: tuple[int 
 def test_joint_compatibility_is_what_brute_force_finds(seed: int, features: int, readings: int) -> None:
     ekf, z = filter_and_readings(seed, features, readings)
     prediction = ekf.predict_readings(SENSOR)
-    fit, joint = compatibility(z, prediction, SENSOR), ekf.joint_covariance(prediction)
-    found = joint_compatibility(fit, joint, GATE, NEW_GATE, probability=P)
+    fit, joint = compatibility(z, prediction, SENSOR, [None] * len(z)), ekf.joint_covariance(prediction)
+    found = joint_compatibility(fit, joint, GATES)
     assert found.complete
 
     def allowed(assignment: tuple[int | None, ...]) -> bool:
@@ -86,23 +95,6 @@ def test_joint_compatibility_is_what_brute_force_finds(seed: int, features: int,
         assert found.assigned[i] == (NEW if is_new else IGNORED)
 
 
-def test_nearest() -> None:
-    gate, new_gate = 6.0, 20.0
-    d2 = np.array(
-        [
-            [1.0, 9.0, 99.0],  # the first feature's own reading
-            [2.0, 3.0, 99.0],  # its nearest is taken: not for the second nearest
-            [50.0, 60.0, 70.0],  # far from all: new
-            [50.0, 10.0, 70.0],  # neither near nor far
-            [99.0, 99.0, 5.0],
-        ]
-    )
-    assert nearest(d2, gate, new_gate).tolist() == [0, IGNORED, NEW, IGNORED, 2]
-    assert nearest(d2[::-1], gate, new_gate).tolist() == [2, IGNORED, NEW, IGNORED, 0]
-    assert nearest(np.zeros((3, 0)), gate, new_gate).tolist() == [NEW, NEW, NEW]
-    assert nearest(np.zeros((0, 3)), gate, new_gate).tolist() == []
-
-
 def test_joint_compatibility_sees_a_turn_that_single_distances_do_not() -> None:
     # Posts on an arc 0.2 rad apart, and a heading off by 0.17: by itself each reading is nearest to its neighbour's
     # post, and the reading of the last post has none left. Only as one turn do all of them fit.
@@ -114,10 +106,15 @@ def test_joint_compatibility_sees_a_turn_that_single_distances_do_not() -> None:
     ekf.predict(motion, [0.0, 0.0, 0.2])
     z = np.column_stack([np.full(5, 4.0), angles - 0.17])
     prediction = ekf.predict_readings(precise)
-    fit = compatibility(z, prediction, precise)
-    assert nearest(fit.d2, GATE, NEW_GATE).tolist()[1:] == [0, 1, 2, 3]
-    joint = joint_compatibility(fit, ekf.joint_covariance(prediction), GATE, NEW_GATE, probability=P)
+    fit = compatibility(z, prediction, precise, [None] * 5)
+    assert fit.d2.argmin(axis=1).tolist()[1:] == [0, 1, 2, 3]
+    joint = joint_compatibility(fit, ekf.joint_covariance(prediction), GATES)
     assert joint.assigned.tolist() == [0, 1, 2, 3, 4]
+
+
+def test_a_reading_near_features_that_all_went_to_others_is_new() -> None:
+    d2 = np.array([[1.0, 99.0], [2.0, 99.0], [50.0, 9.0]])
+    assert distinct([0, IGNORED, IGNORED], d2, 20.0).tolist() == [0, NEW, IGNORED]
 
 
 @pytest.mark.slow
@@ -128,7 +125,7 @@ def test_a_search_without_end_is_cut_short() -> None:
         ekf.add_feature([5.0, 0.0], SENSOR)
     prediction = ekf.predict_readings(SENSOR)
     z = prediction.z_hat + np.random.default_rng(1).normal(0, 0.02, (12, 2))
-    fit = compatibility(z, prediction, SENSOR)
-    found = joint_compatibility(fit, ekf.joint_covariance(prediction), GATE, NEW_GATE, probability=P, node_limit=2000)
+    fit = compatibility(z, prediction, SENSOR, [None] * len(z))
+    found = joint_compatibility(fit, ekf.joint_covariance(prediction), GATES, node_limit=2000)
     assert not found.complete
     assert sorted(found.assigned.tolist()) == list(range(12))

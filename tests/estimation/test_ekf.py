@@ -119,6 +119,5 @@ def test_only_what_is_seen_is_read() -> None:
 def test_the_boundary_hides_what_is_outside() -> None:
     inside = Polygon(np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 10.0], [0.0, 10.0]]))
     world = World("w", WORLD.bounds, WORLD.obstacles, boundary=inside)
-    disc, rectangle, polygon = sense_obstacles(world, 50, RangeBearing(0.01, 0.01), random_state=1)
-    assert len(disc) == 28
-    assert len(rectangle) == len(polygon) == 0
+    read = sense_obstacles(world, 50, RangeBearing(0.01, 0.01), random_state=1)
+    assert [len(points) for points in read] == [28, 0, 0]

@@ -28,24 +28,19 @@ def write(path: Path, *lines: str) -> Path:
 
 def test_a_small_log(tmp_path: Path) -> None:
     log = load_log(write(tmp_path / "park.txt", "", LINES[0], "# a comment", *LINES[1:]))
-    assert log.name == "park"
+    assert (log.name, log.landmarks.shape) == ("park", (0, 3))
     seen, moved, again, last = log.records
     assert isinstance(seen, Detection)
+    assert isinstance(moved, Increment)
+    assert isinstance(again, Increment)
+    assert isinstance(last, Detection)
     assert (seen.t, seen.kind, seen.identity) == (0.0, "range-bearing", 7)
     assert seen.z == pytest.approx([np.hypot(5.0, 1.0), np.arctan2(-1.0, 5.0)])
-    assert seen.covariance is not None
     assert seen.covariance == pytest.approx(np.diag([0.4, 0.04]))
-    assert isinstance(moved, Increment)
-    assert moved[:4] == (1.0, 1.0, 0.5, 0.25)
-    assert moved.covariance is not None
-    assert moved.covariance.tolist() == [[0.01, 0.001, 0.002], [0.001, 0.03, 0.004], [0.002, 0.004, 0.05]]
-    assert isinstance(again, Increment)
-    assert again.t == 4.0
-    assert isinstance(last, Detection)
+    assert (moved[:4], again.t) == ((1.0, 1.0, 0.5, 0.25), 4.0)
+    assert np.array_equal(np.array(moved[4]), [[0.01, 0.001, 0.002], [0.001, 0.03, 0.004], [0.002, 0.004, 0.05]])
     assert (last.t, last.z.tolist(), last.kind, last.identity) == (4.0, [3.0, -1.5], "cartesian", 7)
-    assert last.covariance is not None
-    assert last.covariance.tolist() == [[0.4, 0.1], [0.1, 0.5]]
-    assert log.landmarks.shape == (0, 3)
+    assert np.array_equal(np.array(last[4]), [[0.4, 0.1], [0.1, 0.5]])
 
 
 @pytest.mark.parametrize(
@@ -148,11 +143,10 @@ def test_a_graph_becomes_a_drive(tmp_path: Path) -> None:
     [
         ("EDGE_SE2 0 1 1 2", "expected EDGE_SE2 and 11 finite numbers"),
         ("EDGE_SE3 0 1 1 2", "expected a line with VERTEX_SE2, EDGE_SE2, EDGE_SE2_XY"),
-        ("EDGE_SE2 0 1 1 2 nan 1 0 0 1 0 1", "11 finite numbers"),
         ("EDGE_SE2 0 1 1 2 0 1 2 0 1 0 1", "positive definite"),
     ],
 )
-def test_bad_lines_log(tmp_path: Path, line: str, message: str) -> None:
+def test_bad_lines_of_a_graph(tmp_path: Path, line: str, message: str) -> None:
     path = tmp_path / "drive.g2o"
     path.write_text(TEXT + line + "\n")
     with pytest.raises(FormatError, match=f"drive.g2o:10: .*{message}"):

@@ -11,7 +11,7 @@ from tests.helpers.alignment import aligned
 
 from trailmark.estimation import Detection
 from trailmark.estimation.landmark_graph import Readings, Smoother, polar_readings, relative_covariance
-from trailmark.estimation.models import Cartesian, RangeBearing
+from trailmark.estimation.models import RangeBearing
 from trailmark.se2 import compose, wrap
 
 FloatArray = NDArray[np.float64]
@@ -110,18 +110,11 @@ def test_an_error_of_the_frame_is_none(count: int) -> None:
     assert np.abs(relative_covariance(points, np.outer(turn, turn))).max() < 1e-9
 
 
-def test_readings_of_either_kind_are_ranges_and_bearings() -> None:
+def test_readings_have_the_noise_that_is_stated_or_the_sensor_s() -> None:
     own = np.diag([0.04, 0.01])
-    detections = [
-        Detection(1.0, np.array([2.0, 0.3])),
-        Detection(2.0, np.array([3.0, 4.0]), "cartesian"),
-        Detection(2.0, np.array([2.0, 0.3]), covariance=own),
-    ]
-    found = polar_readings(detections, np.array([1.0, 2.0]), RangeBearing(0.1, 0.02, 0.5), Cartesian(0.2, 0.2))
-    assert found.instant.tolist() == [0, 1, 1]
-    assert found.z[1] == pytest.approx([5.0, np.arctan2(4.0, 3.0)])
-    assert found.covariance[0] == pytest.approx(np.diag([0.2**2, 0.02**2]))
-    assert found.covariance[1] == pytest.approx(np.diag([0.2**2, (0.2 / 5.0) ** 2]))
-    assert found.covariance[2] == pytest.approx(own)
+    detections = [Detection(1.0, np.array([2.0, 0.3])), Detection(2.0, np.array([2.0, 0.3]), covariance=own)]
+    found = polar_readings(detections, np.array([1.0, 2.0]), RangeBearing(0.1, 0.02, 0.5))
+    assert found.instant.tolist() == [0, 1]
+    assert found.covariance == pytest.approx(np.array([np.diag([0.2**2, 0.02**2]), own]))
     assert not found.stated
-    assert polar_readings(detections[2:], np.array([2.0]), RangeBearing(0.1, 0.02), Cartesian(1, 1)).stated
+    assert polar_readings(detections[1:], np.array([2.0]), RangeBearing(0.1, 0.02)).stated

@@ -43,9 +43,7 @@ def test_a_format_that_is_given(tmp_path: Path) -> None:
     ("content", "problem"),
     [
         (b"", "an empty log; expected trailmark JSON Lines"),
-        (b" \n\n", "an empty log; expected trailmark JSON Lines"),
         (gzip.compress(b"", mtime=0), "an empty log; expected trailmark JSON Lines"),
-        (b"hello\nworld\n", "no log of a known format; expected trailmark JSON Lines"),
         (b"\0\1\2", "no log of a known format; expected trailmark JSON Lines"),
         (JSONL.encode()[:21] + b"\n\n", "expected a log of one record or more, got none"),
         (b"# message formats defined: ODOM\nPARAM a b\n", "expected a log of one record or more, got none"),
@@ -72,17 +70,15 @@ def test_missing_files_and_folders(tmp_path: Path) -> None:
         load_log(tmp_path / "nowhere:3")
     with pytest.raises(FormatError, match="a folder that holds no log; expected"):
         load_log(tmp_path)
+    with pytest.raises(FormatError, match="cannot be read: File name too long"):
+        load_log(tmp_path / ("a" * 5000))
 
 
-def test_bytes_that_are_no_text_spoil_their_line_only(tmp_path: Path) -> None:
+def test_bad_lines_are_left_out_but_not_all(tmp_path: Path) -> None:
     path = tmp_path / "log"
     path.write_bytes(VICTORIA.encode() + b"LANDMARK \xff\xfe\n" + b"ODOMETRY 1 2 1 0 0 1e-4 0 0 4e-6 0 4e-6\n")
     log = load_log(path, skip_bad=True)
     assert (len(log.records), log.dropped) == (2, 1)
-
-
-def test_all_records_bad(tmp_path: Path) -> None:
-    path = tmp_path / "log"
     path.write_text(VICTORIA.replace("1e-4", "nan"))
     with pytest.raises(FormatError, match=r"expected a log of one record or more, got none \(1 bad ones left out\)"):
         load_log(path, skip_bad=True)
@@ -98,9 +94,6 @@ def test_too_large(tmp_path: Path) -> None:
     # What grows a thousandfold is refused before it takes the memory.
     path.write_bytes(gzip.compress(JSONL.encode() + b" " * 2**25, mtime=0))
     with pytest.raises(FormatError, match="log:3: expected at most 4,194,304 bytes in a line"):
-        list(source.read_lines(path, bad))
-
-    with pytest.raises(FormatError, match=r"^[^:]*log:3: expected at most 4,194,304 bytes in a line"):
         list(source.read_lines(path, bad))
 
 
@@ -123,8 +116,3 @@ def test_save_and_load(tmp_path: Path) -> None:
     assert (tmp_path / "b.jsonl.gz").read_bytes()[:2] == b"\x1f\x8b"
     assert load_log(tmp_path / "b.jsonl.gz").records == log.records
     assert load_log(tmp_path / "b.jsonl.gz").name == "a"
-
-
-def test_a_name_that_no_file_can_have(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="cannot be read: File name too long"):
-        load_log(tmp_path / ("a" * 5000))

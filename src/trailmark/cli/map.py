@@ -12,7 +12,7 @@ from trailmark.cli import console, options
 from trailmark.cli.options import JsonOption, OutputFile, PlotOption, Pose, RobotSpec, UsageError, flag, option
 
 if TYPE_CHECKING:
-    from trailmark.estimation.mapped_log import MappedLog
+    from trailmark.estimation.mapping import MappedLog
 
 __all__ = ["map_log"]
 

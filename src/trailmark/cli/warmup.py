@@ -126,7 +126,7 @@ def _warm_up_logs() -> None:
         room, round_trip, Unicycle(0.02, 0.02, period=1.0), detector=detector, scanner=scanner, random_state=0
     )
     map_log(log)
-    map_log(log, MapSettings(obstacles="detections", fit_noise="on"))
+    map_log(log, MapSettings(obstacles="detections", fit_noise=True))
     # Scans of a loop, which this log is too short for.
     points = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     area = local_map(PointCloud(points, np.zeros_like(points), np.ones(3)))

@@ -9,22 +9,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trailmark.estimation.association import SlamSettings as SlamSettings
     from trailmark.estimation.ekf import refine_points as refine_points
     from trailmark.estimation.ekf_slam import EkfSlam as EkfSlam
     from trailmark.estimation.ekf_slam import SlamResult as SlamResult
+    from trailmark.estimation.ekf_slam import SlamSettings as SlamSettings
     from trailmark.estimation.errors import EstimationError as EstimationError
     from trailmark.estimation.errors import NotCertifiedError as NotCertifiedError
     from trailmark.estimation.errors import RecordError as RecordError
     from trailmark.estimation.map_settings import MappingSettings as MappingSettings
     from trailmark.estimation.map_settings import MapSettings as MapSettings
-    from trailmark.estimation.mapped_log import MappedLog as MappedLog
+    from trailmark.estimation.mapping import MappedLog as MappedLog
     from trailmark.estimation.mapping import map_log as map_log
-    from trailmark.estimation.models import Cartesian as Cartesian
     from trailmark.estimation.models import MotionModel as MotionModel
     from trailmark.estimation.models import PoseIncrement as PoseIncrement
     from trailmark.estimation.models import RangeBearing as RangeBearing
-    from trailmark.estimation.models import SensorModel as SensorModel
     from trailmark.estimation.models import Unicycle as Unicycle
     from trailmark.estimation.obstacles import ScanMap as ScanMap
     from trailmark.estimation.obstacles import disc_estimates as disc_estimates
@@ -53,14 +51,12 @@ if TYPE_CHECKING:
     from trailmark.estimation.virtual_sensors import sense_obstacles as sense_obstacles
 
 _NAMES = {
-    "association": "SlamSettings",
     "ekf": "refine_points",
-    "ekf_slam": "EkfSlam SlamResult",
+    "ekf_slam": "EkfSlam SlamResult SlamSettings",
     "errors": "EstimationError NotCertifiedError RecordError",
     "map_settings": "MapSettings MappingSettings",
-    "mapped_log": "MappedLog",
-    "mapping": "map_log",
-    "models": "Cartesian MotionModel PoseIncrement RangeBearing SensorModel Unicycle",
+    "mapping": "MappedLog map_log",
+    "models": "MotionModel PoseIncrement RangeBearing Unicycle",
     "obstacles": "ScanMap disc_estimates map_scans wall_estimate",
     "readers": "load_log save_log",
     "records": "Detection Increment Log Odometry Pose Scan",

@@ -54,21 +54,6 @@ def draw_noise(covariance: FloatArray, shape: tuple[int, ...], rng: np.random.Ge
     return np.asarray(rng.standard_normal((*shape, len(values))) @ scaled.T)
 
 
-def subtract_square(P: FloatArray, W: FloatArray, first: int) -> None:
-    """Subtract W Wᵀ from P in place, in the rows and columns from ``first`` on.
-
-    numpy forms A Aᵀ as one symmetric product, so that P stays symmetric to the bit. Where most rows of W are 0, as in
-    mapping from certain poses, only the others are touched.
-    """
-    rows = np.flatnonzero(W[first:].any(axis=1)) + first
-    if 2 * len(rows) < len(P):
-        A = W[rows]
-        P[np.ix_(rows, rows)] -= A @ A.T
-    else:
-        A = W[first:]
-        P[first:, first:] -= A @ A.T
-
-
 class Consistency(NamedTuple):
     """An average of chi-square values, and the band that it should lie in."""
 
@@ -108,12 +93,7 @@ def average(values: ArrayLike, dof: ArrayLike, probability: Probability = 0.95) 
     """Return the average of independent chi-square values and the band that holds it with that probability.
 
     The values must be independent: the NEES at one time of many runs, or the NIS of one run's updates; not the NEES
-    of one run's moments, which share their errors.
-
-    Args:
-        values: NEES or NIS, shape (n,).
-        dof: degrees of freedom, one number or shape (n,).
-        probability: of the band, two-sided, in (0, 1).
+    of one run's moments, which share their errors. ``dof`` is one number or of shape (n,), as the values are.
     """
     chi = np.asarray(values, dtype=np.float64).reshape(-1)
     n = len(chi)

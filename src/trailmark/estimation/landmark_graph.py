@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.covariance import chi_square_quantile
-from trailmark.estimation.models import Cartesian, RangeBearing
+from trailmark.estimation.models import RangeBearing
 from trailmark.estimation.records import Detection
 from trailmark.se2 import FloatArray, wrap
 
@@ -40,31 +40,18 @@ class Readings(NamedTuple):
     stated: bool  # whether the log states all covariances
 
 
-def polar_readings(
-    detections: Sequence[Detection], instants: FloatArray, range_bearing: RangeBearing, cartesian: Cartesian
-) -> Readings:
-    """Return detections of either kind as ranges and bearings, with the models' noise where they state none.
+def polar_readings(detections: Sequence[Detection], instants: FloatArray, sensor: RangeBearing) -> Readings:
+    """Return detections by range and bearing, with the sensor's noise where they state none.
 
     The times of all detections are among the instants, shape (m,), ascending.
     """
-    n = len(detections)
-    z = np.array([detection.z for detection in detections], dtype=np.float64).reshape(n, 2)
-    flat = np.array([detection.kind == "cartesian" for detection in detections], dtype=bool)
-    own = np.zeros((n, 2, 2))
-    own[:, 0, 0] = (range_bearing.sigma_range * (1.0 + range_bearing.growth * np.maximum(z[:, 0], 0.0))) ** 2
-    own[:, 1, 1] = range_bearing.sigma_bearing**2
-    own[flat] = np.diag([cartesian.sigma_x**2, cartesian.sigma_y**2])
-    stated = np.array([detection.covariance is not None for detection in detections], dtype=bool)
-    if stated.any():
-        own[stated] = [detection.covariance for detection in detections if detection.covariance is not None]
-    if flat.any():
-        x, y = z[flat].T
-        r = np.maximum(np.hypot(x, y), 1e-6)
-        J = np.array([[x / r, y / r], [-y / r**2, x / r**2]]).transpose(2, 0, 1)
-        own[flat] = J @ own[flat] @ J.transpose(0, 2, 1)
-        z[flat] = np.column_stack([r, np.arctan2(y, x)])
-    times = np.array([detection.t for detection in detections], dtype=np.float64)
-    return Readings(np.searchsorted(instants, times), z, own, bool(n and stated.all()))
+    z = np.array([detection.z for detection in detections], dtype=np.float64).reshape(-1, 2)
+    sigma = sensor.sigma_range * (1.0 + sensor.growth * np.maximum(z[:, 0], 0.0))
+    stated = [detection.covariance for detection in detections]
+    own = [np.diag([s**2, sensor.sigma_bearing**2]) if R is None else R for s, R in zip(sigma, stated, strict=True)]
+    instant = np.searchsorted(instants, [detection.t for detection in detections])
+    all_stated = bool(stated) and all(R is not None for R in stated)
+    return Readings(instant, z, np.array(own, dtype=np.float64).reshape(-1, 2, 2), all_stated)
 
 
 class LinearSystem:
@@ -203,7 +190,7 @@ class Smoother:
         return LinearSystem(rows, columns, entries, 3 * self._poses + 2 * len(solution.features))
 
     def pair_covariances(self, solution: Solution) -> tuple[FloatArray, FloatArray]:
-        """Return the covariance of each pose and the next together, shape (n − 1 or 1, 6, 6), in the map's axes.
+        """Return the covariance of each pose and the next together, shape (n − 1, 6, 6), in the map's axes.
 
         The second pose's is that of a pose at the first one's place, fixed to it. Likewise, shape (…, 3, 3), the
         noise that each motion has at least.
@@ -218,8 +205,7 @@ class Smoother:
             # gtsam refuses systems in which some directions are known thousands of times better than others.
             system = self.linearised(solution)
             pairs = [system.covariance(np.arange(3 * i, 3 * i + 6)) for i in range(len(poses) - 1)]
-        # A single pose is its own next, and held.
-        local, poses = (np.array(pairs), poses) if pairs else (np.zeros((1, 6, 6)), np.repeat(poses, 2, axis=0))
+        local = np.array(pairs)
         to = np.zeros((len(local), 6, 6))
         to[:, :3, :3] = rotations(poses[:-1, 2])
         to[:, 3:, 3:] = _arms(poses[:-1, :2] - poses[1:, :2]) @ rotations(poses[1:, 2])
@@ -256,12 +242,8 @@ class Estimate(NamedTuple):
     calibrated: FloatArray  # how the whitened residuals change with calibration, shape (rows, c)
     precision: FloatArray  # of the calibration before the log, shape (c,)
 
-    def feature_covariance(self, moves: FloatArray | None = None) -> FloatArray:
-        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m).
-
-        Args:
-            moves: how calibration moves the features besides, shape (2m, c).
-        """
+    def feature_covariance(self) -> FloatArray:
+        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m)."""
         columns = 3 * len(self.solution.poses) + np.arange(2 * len(self.solution.features))
         joint = self.system.covariance(columns)
         if self.calibrated.shape[1] == 0:
@@ -269,8 +251,7 @@ class Estimate(NamedTuple):
         follow = self.system.estimate(self.calibrated)
         left = self.calibrated - self.system.A @ follow
         own = np.linalg.inv(self.calibrated.T @ left + np.diag(self.precision))
-        by = follow[columns] if moves is None else follow[columns] + moves
-        return np.asarray(joint + by @ own @ by.T)
+        return np.asarray(joint + follow[columns] @ own @ follow[columns].T)
 
     def missed(self) -> FloatArray:
         """Return the mean square of what features' errors miss of the readings' curvature, shape (m, 2, 2).

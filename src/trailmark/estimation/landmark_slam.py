@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from trailmark.estimation.association import AssociationMethod, SlamSettings
 from trailmark.estimation.covariance import checked_covariance
-from trailmark.estimation.ekf_slam import CURVATURE, EkfSlam, MapFeature, SlamResult
+from trailmark.estimation.ekf_slam import CURVATURE, AssociationMethod, EkfSlam, Gates, MapFeature, SlamResult
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.landmark_graph import (
     Estimate,
     IntArray,
-    Readings,
+    Solution,
     moved,
     polar_readings,
     relative_covariance,
-    rotations,
     turned,
 )
 from trailmark.estimation.map_settings import MappingSettings, MapSettings
-from trailmark.estimation.noise_fit import Batch, figures, inflation, misfit
+from trailmark.estimation.models import as_range_bearing
+from trailmark.estimation.noise_fit import Batch, disagreement, figures, misfit
 from trailmark.estimation.noise_fit import scale as scale_of
 from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Detection, Increment, Log, Pose, Record, Scan, first_pose
@@ -36,10 +35,21 @@ OnProgress = Callable[[str, int, int], None]
 OUTLIER_GATE = 0.9999  # Probability that a good reading passes. Misread barcodes, some in a thousand, lie far outside.
 FARTHEST = 1e6  # Metres (and radians): no sensor reads farther, and squares of larger numbers lose what is near.
 SUREST = 1e-6  # Metres (and radians): no sensor errs less, and a reading without any error would settle all.
-# A hundred times as many refused readings as the gate refuses of good ones: some are good, or many are misread.
-MANY = 0.01
 _ALLOWED = "expected values that a robot can have"
 _REPORT_EVERY = 64  # Records from one report of progress to the next.
+# Least number of features that make a frame of their own: of the 2 m coordinates of fewer, the 3 degrees of freedom
+# of a rigid motion are half or more, and of one feature all.
+FEWEST = 4
+
+
+class BatchResult(NamedTuple):
+    """What a batch makes of a log that EKF-SLAM went through."""
+
+    # Poses and features of the batch, with covariances in the start's frame; the rest as EKF-SLAM had it.
+    result: SlamResult
+    # Covariance of each feature in the frame that the features make, shape (m, 2, 2); None for fewer than FEWEST.
+    relative: FloatArray | None
+    figures: dict[str, Any]  # What was found, as plain data.
 
 
 class SlamRun(NamedTuple):
@@ -50,11 +60,11 @@ class SlamRun(NamedTuple):
     tentative: FloatArray  # Where features were that were still to be confirmed at the end, shape (k, 2).
     start: FloatArray  # The pose before the first record, shape (3,).
     batch: BatchResult | None = None  # The batch that followed.
+    failure: str | None = None  # Why none did, though one was tried.
 
     def poses_of(self, scans: Sequence[Scan]) -> FloatArray:
-        """Return where the robot was at each scan, shape (m, 3), as it was estimated then."""
-        rows = np.vstack([[-math.inf, *self.start], self.result.trajectory])
-        return np.asarray(rows[np.searchsorted(rows[:, 0], [scan.t for scan in scans], side="right") - 1, 1:])
+        """Return where the robot was at each scan, shape (m, 3)."""
+        return _poses_at(self.result.trajectory, np.array([scan.t for scan in scans]), self.start)
 
     def with_pose_sigma(self, scans: Sequence[Scan], mapping: MappingSettings) -> MappingSettings:
         """Return settings whose poses are as uncertain as these are on average, and no surer than they were."""
@@ -69,61 +79,66 @@ class SlamRun(NamedTuple):
 
 def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgress | None = None) -> SlamRun:
     """Run EKF-SLAM over a log, and a batch after it; with poses "log" the features alone are estimated."""
-    detections = [record for record in log.records if isinstance(record, Detection)]
-    for detection in detections:
-        if not np.abs(detection.z).max() <= FARTHEST:
-            z = np.asarray(detection.z).tolist()
-            raise EstimationError(f"detection at {detection.t:g} s: expected z of at most {FARTHEST:g}, got {z}")
-        if settings.stated_noise and detection.covariance is not None:
-            name = f"detection at {detection.t:g} s"
-            stated = checked_covariance(detection.covariance, 2, name)
-            if not np.linalg.eigvalsh(stated)[0] >= SUREST**2:
-                least = f"a covariance of standard deviations of at least {SUREST:g}"
-                raise EstimationError(f"{name}: expected {least}, got {stated.tolist()}")
-    s, association = settings.slam, settings.slam.association
+    records = [_checked(record, settings) for record in log.records]
+    association = settings.slam.association
     if association == "auto":
-        association = "known" if any(detection.identity is not None for detection in detections) else "joint"
-    s = replace(s, association=association, outlier_gate=OUTLIER_GATE if s.outlier_gate == "auto" else s.outlier_gate)
-    run = _filtered(log, settings, s, poses, association, on_progress)
-    if poses == "log" or not settings.smooth or not run.result.features:
+        named = any(isinstance(record, Detection) and record.identity is not None for record in records)
+        association = "known" if named else "joint"
+    # Where the filter errs, not the readings, a gate refuses the very readings that would set it right: where a batch
+    # follows, that judges each of them.
+    gates = Gates(known=OUTLIER_GATE if poses == "log" else None)
+    run = _filtered(records, settings, gates, poses, association, on_progress)
+    if poses == "log" or not run.result.features:
         return run
-    begun = [run.result]
-    if association == "known" and run.result.counts.outliers > MANY * run.result.counts.detections:
-        # Where the filter errs, not the readings, the gate refuses the very readings that would set it right. The batch
-        # finds out which it was: it begins with either, and judges each reading again.
-        begun.append(_filtered(log, settings, replace(s, outlier_gate=None), poses, association, on_progress).result)
     report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
-    times = np.unique([record.t for record in log.records if not isinstance(record, Pose | Scan)])
+    times = np.unique([record.t for record in records if not isinstance(record, Pose | Scan)])
     try:
-        batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
+        batch = _smoothed(records, settings, run.result, run.start, times, report)
     except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
-        reason = str(error).strip().partition("\n")[0]
-        raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}); setting smooth: false") from None
+        return run._replace(failure=str(error).strip().partition("\n")[0])
     return run._replace(result=batch.result, batch=batch)
 
 
+def _checked(record: Record, settings: MapSettings) -> Record:
+    """Return a record as the estimators take it, without the noise that it states where that is not to count."""
+    if isinstance(record, Detection | Increment) and not settings.stated_noise:
+        record = record._replace(covariance=None)
+    if not isinstance(record, Detection):
+        return record
+    name = f"detection at {record.t:g} s"
+    if not np.abs(record.z).max() <= FARTHEST:
+        raise EstimationError(f"{name}: expected z of at most {FARTHEST:g}, got {np.asarray(record.z).tolist()}")
+    if record.covariance is not None:
+        stated = checked_covariance(record.covariance, 2, name)
+        if not np.linalg.eigvalsh(stated)[0] >= SUREST**2:
+            least = f"a covariance of standard deviations of at least {SUREST:g}"
+            raise EstimationError(f"{name}: expected {least}, got {stated.tolist()}")
+    return as_range_bearing(record)
+
+
 def _filtered(
-    log: Log,
+    records: Sequence[Record],
     s: MapSettings,
-    slam_settings: SlamSettings,
+    gates: Gates,
     poses: str,
     association: AssociationMethod,
     on_progress: OnProgress | None,
 ) -> SlamRun:
     """Run EKF-SLAM until the log ends."""
-    start = np.array(s.start or first_pose(log.records) or (0.0, 0.0, 0.0))
+    start = np.array(s.start or first_pose(records) or (0.0, 0.0, 0.0))
     x, theta = s.mapping.pose_sigma
     slam = EkfSlam(
-        {"range-bearing": s.range_bearing, "cartesian": s.cartesian},
+        s.range_bearing,
         velocity=s.velocity,
         increment=s.increment,
-        settings=slam_settings,
+        settings=replace(s.slam, association=association),
+        gates=gates,
         start=start,
         mode="mapping" if poses == "log" else "slam",
         pose_covariance=np.diag([x**2, x**2, theta**2]),
     )
-    total = len(log.records)
-    for i, record in enumerate(_records(log, s), start=1):
+    total = len(records)
+    for i, record in enumerate(records, start=1):
         try:
             slam.process(record)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -142,69 +157,37 @@ def _filtered(
     return SlamRun(result, association, np.array(tentative).reshape(-1, 2), start)
 
 
-def _records(log: Log, s: MapSettings) -> Iterator[Record]:
-    """Yield the records, without the noise that they state where it is not to count."""
-    for record in log.records:
-        if isinstance(record, Detection | Increment) and not s.stated_noise:
-            record = record._replace(covariance=None)
-        yield record
-
-
-# Least number of features that make a frame of their own: of the 2 m coordinates of fewer, the 3 degrees of freedom
-# of a rigid motion are half or more, and of one feature all.
-FEWEST = 4
-
-
-class BatchResult(NamedTuple):
-    """What a batch makes of a log that EKF-SLAM went through."""
-
-    # Poses and features of the batch, with covariances in the start's frame; the rest as EKF-SLAM had it.
-    result: SlamResult
-    # Covariance of each feature in the frame that the features make, shape (m, 2, 2); None for fewer than FEWEST.
-    relative: FloatArray | None
-    figures: dict[str, Any]  # What was found, as plain data.
-
-
-def smoothed(
+def _smoothed(
     records: Sequence[Record],
     settings: MapSettings,
-    begun: Sequence[SlamResult],
+    result: SlamResult,
     start: FloatArray,
     times: FloatArray,
     on_round: Callable[[int, int], None] | None = None,
 ) -> BatchResult:
-    """Return the batch optimum of the readings that EKF-SLAM assigned to the features of its map.
-
-    Args:
-        records: of the log, in the order of time.
-        settings: their noise, and whether it is estimated.
-        begun: results of EKF-SLAM over these records, with the same features: the batch begins with each, and goes on
-            with the one that leads to the least error.
-        start: the first pose, shape (3,).
-        times: of the trajectory's rows, shape (k,), ascending.
-        on_round: called with the number of rounds done, and how many there are at most.
-    """
-    result = begun[0]
+    """Return the batch optimum of the readings that EKF-SLAM assigned to the features of its map, at these times."""
     detections = [assignment.detection for assignment in result.assignments]
-    instants, feature = np.unique([detection.t for detection in detections]), _features_of(result)
+    # The start is a second before the first record, since an increment ends at its time.
+    instants = np.unique([times[0] - 1.0, *(detection.t for detection in detections)])
+    feature = _features_of(result)
     track = OdometryTrack(records)
-    readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
+    readings = polar_readings(detections, instants, settings.range_bearing)
     batch = Batch(track, readings, instants, track.stated_variances(settings.velocity, settings.increment))
-    guesses = [_poses_at(each.trajectory, instants, start) for each in begun]
-    first = [(poses, _first_places(each, readings, poses, feature)) for each, poses in zip(begun, guesses, strict=True)]
-    estimate = batch.solve(*batch.best_of(first, feature), feature)
+    poses = _poses_at(result.trajectory, instants, start)
+    estimate = batch.solve(poses, np.array([f.mean for f in result.features]), feature)
     stated, auto = misfit(batch, estimate), settings.fit_noise == "auto"
     if any(f.identity is not None for f in result.features):
-        wrong = stated.understated or (stated.overstated and settings.default_noise)
-        if settings.fit_noise == "on" or (auto and wrong):
+        if settings.fit_noise is True or (auto and (stated.understated or stated.overstated)):
             estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
     else:
         # Wrong assignments look like noise: whether it is wrong cannot be told before.
-        fit = settings.fit_noise == "on" or (auto and not (readings.stated and track.states_noise))
+        fit = settings.fit_noise is True or (auto and not (readings.stated and track.states_noise))
         labels = Labels(estimate.solution.features, feature)
         labels, estimate = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
         result, feature = _relabelled(result, labels), labels.feature
-    return _result(batch, estimate, feature, start, result, times, figures(batch, estimate, stated))
+    halves = disagreement(batch, estimate)
+    plain = figures(batch, estimate, stated, halves)
+    return _result(batch, estimate, halves, feature, start, result, times, plain)
 
 
 def _begun_at(estimate: Estimate, pose: FloatArray) -> Estimate:
@@ -238,24 +221,10 @@ def _features_of(result: SlamResult) -> IntArray:
     return np.array(numbers, dtype=np.intp)
 
 
-def _first_places(result: SlamResult, readings: Readings, poses: FloatArray, feature: IntArray) -> FloatArray:
-    """Return where to begin with each feature, shape (m, 2): the filter's estimate, or the middle of its readings."""
-    z, pose = readings.z, poses[readings.instant]
-    direction = pose[:, 2] + z[:, 1]
-    seen = pose[:, :2] + z[:, :1] * np.column_stack([np.cos(direction), np.sin(direction)])
-    places = np.array([f.mean for f in result.features])
-    for i in range(len(places)):
-        own = seen[feature == i]
-        if len(own):
-            middle = np.median(own, axis=0)
-            far = [np.median(np.hypot(*(own - place).T)) for place in (places[i], middle)]
-            places[i] = middle if 2.0 * far[1] < far[0] else places[i]
-    return places
-
-
 def _result(
     batch: Batch,
     estimate: Estimate,
+    halves: float,
     feature: IntArray,
     start: FloatArray,
     result: SlamResult,
@@ -263,22 +232,9 @@ def _result(
     plain: dict[str, Any],
 ) -> BatchResult:
     """Return what the batch came to in the start's frame and in that of the features, with the scale's uncertainty."""
-    # Nothing but odometry says how the robot came to where it read first, so that it is no matter of the factors'. The
-    # start is a second before the first record, since an increment ends at its time.
-    ways = np.array([times[0] - 1.0, batch.instants[0]])
-    way = batch.motions(ways)
-    estimate = _begun_at(estimate, compose(start, way.u[0]))
+    estimate = _begun_at(estimate, start)
     solution, scale, origin = estimate.solution, scale_of(batch, estimate), start[:2]
-    along = np.zeros((2 * len(solution.features), 3))
-    along[0::2, 0] = along[1::2, 1] = 1.0
-    x, y = (solution.features - solution.poses[0, :2]).T
-    along[0::2, 2], along[1::2, 2] = -y, x
-    moves = np.zeros((len(along), estimate.calibrated.shape[1]))
-    moves[:, :3] = (along @ rotations(start[2:])[0] @ batch.motion_changes(ways)[0])[:, : moves.shape[1]]
-    joint = estimate.feature_covariance(moves)
-    if batch.fitted:
-        joint *= inflation(batch, estimate)
-    lead = along @ turned(batch.motion_covariance(way), start[2:])[0] @ along.T
+    joint = halves * estimate.feature_covariance()
     means = origin + scale.factor * (solution.features - origin)
     poses = solution.poses.copy()
     poses[:, :2] = origin + scale.factor * (poses[:, :2] - origin)
@@ -288,10 +244,12 @@ def _result(
     joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
     blocks, within = (
         0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]])
-        for P in (joint + lead, relative_covariance(means, joint))
+        for P in (joint, relative_covariance(means, joint))
     )
-    blocks += _bent(means - origin, lead[own[:, :, None], own[:, None, :]])
-    smooth_poses, covariances = _poses_between(batch, estimate, poses, times)
+    blocks += _bent(means - origin, _led(batch, solution, start))
+    smooth_poses, covariances = _poses_between(batch, estimate, poses, times, halves)
+    off = smooth_poses[:, :2] - origin
+    covariances[:, :2, :2] += scale.sigma**2 * off[:, :, None] * off[:, None, :]
     used = estimate.feature[estimate.feature >= 0]
     readings = np.bincount(used, minlength=len(means)).tolist()
     features = tuple(
@@ -308,6 +266,13 @@ def _result(
     return BatchResult(smooth, within if len(means) >= FEWEST else None, plain)
 
 
+def _led(batch: Batch, solution: Solution, start: FloatArray) -> FloatArray:
+    """Return the covariance of features by what was driven before the first reading, shape (m, 2, 2)."""
+    P = turned(batch.motion_covariance(batch.motions())[:1], start[2:])  # noqa: N806 # a covariance
+    away = solution.features - solution.poses[1, :2]
+    return moved(np.tile(P, (len(away), 1, 1)), away)[:, :2, :2]
+
+
 def _bent(away: FloatArray, lead: FloatArray) -> FloatArray:
     """Return how far the arc of a turn about the start leads from what linear errors say, shape (m, 2, 2)."""
     across = np.column_stack([-away[:, 1], away[:, 0]])
@@ -318,7 +283,7 @@ def _bent(away: FloatArray, lead: FloatArray) -> FloatArray:
 
 
 def _poses_between(
-    batch: Batch, estimate: Estimate, poses: FloatArray, times: FloatArray
+    batch: Batch, estimate: Estimate, poses: FloatArray, times: FloatArray, halves: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return poses at times (k,), ascending, from estimated ones (n, 3): shape (k, 3), and covariances (k, 3, 3).
 
@@ -326,7 +291,7 @@ def _poses_between(
     over the time between the two.
     """
     instants = batch.instants
-    every = np.union1d(times, [times[0] - 1.0, *instants])
+    every = np.union1d(times, instants)
     motions = batch.motions(every)
     u = motions.u
     heading = np.concatenate([[0.0], np.cumsum(u[:, 2])])
@@ -337,21 +302,18 @@ def _poses_between(
     last = np.clip(np.searchsorted(instants, every, side="right") - 1, 0, None)
     there = compose(poses[last], between(reckoned[anchors[last]], reckoned))
     following = np.minimum(last + 1, len(anchors) - 1)
-    ends = compose(poses[last], between(reckoned[anchors[last]], reckoned[anchors[following]]))
-    missed = poses[following] - ends
+    missed = poses[following] - compose(poses[last], between(reckoned[anchors[last]], reckoned[anchors[following]]))
     missed[:, 2] = wrap(missed[:, 2])
-    span = instants[following] - instants[last]
-    part = np.where(span > 0.0, (every - instants[last]) / np.where(span > 0.0, span, 1.0), 0.0)
-    there += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
+    # After the last one there is none to be led to.
+    part = (every - instants[last]) / np.where(following > last, instants[following] - instants[last], np.inf)
+    there += part[:, None] * missed
     there[:, 2] = wrap(there[:, 2])
     # As errors of a motion of the whole plane about one place, those of successive motions add up.
     steps, number = turned(batch.motion_covariance(motions), there[:-1, 2]), np.arange(len(every))
     steps = moved(steps, poses[0, :2] - there[1:, :2])
-    leading = (number[1:] <= anchors[0])[:, None, None]
-    lead, grown = np.zeros((2, len(every), 3, 3))
-    lead[1:], grown[1:] = np.cumsum(steps * leading, axis=0), np.cumsum(steps * ~leading, axis=0)
-    pair = np.minimum(last, max(0, len(instants) - 2))
-    first, second = anchors[pair], anchors[np.minimum(pair + 1, len(instants) - 1)]
+    grown = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(steps, axis=0)])
+    pair = np.minimum(last, len(instants) - 2)
+    first, second = anchors[pair], anchors[pair + 1]
     place, inside = poses[pair, :2], np.minimum(number, second)
     before, whole, beyond = (
         moved(grown[i] - grown[j], place - poses[0, :2])
@@ -360,8 +322,8 @@ def _poses_between(
     estimated, least = estimate.smoother.pair_covariances(estimate.solution)
     share = before @ np.linalg.inv(whole + least[pair])
     both = np.concatenate([np.eye(3) - share, share], axis=2)
-    P = both @ estimated[pair] @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance
-    P = moved(P, there[:, :2] - place) + moved(lead, there[:, :2] - poses[0, :2])  # noqa: N806
+    P = both @ (halves * estimated[pair]) @ np.swapaxes(both, 1, 2) + before - share @ before + beyond  # noqa: N806 # a covariance
+    P = moved(P, there[:, :2] - place)  # noqa: N806
     covariances = 0.5 * (P + np.swapaxes(P, 1, 2))
     wanted = np.searchsorted(every, times)
     return there[wanted], covariances[wanted]

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from trailmark.arguments import Count, Finite, NonNegative, Positive, checked_fields
-from trailmark.estimation.association import SlamSettings
+from trailmark.estimation.ekf_slam import SlamSettings
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.models import Cartesian, PoseIncrement, RangeBearing, Unicycle
+from trailmark.estimation.models import PoseIncrement, RangeBearing, Unicycle
 from trailmark.estimation.scan_features import ScanSettings
 from trailmark.world.estimates import Frame
 
@@ -66,15 +66,10 @@ class MapSettings:
     #: detections; "log": as the log states them; "odometry": by odometry alone, which drifts (scans only). "auto":
     #: for scans the log's if it states them, else match; for detections slam if it has odometry, else the log's.
     poses: PoseSource | Literal["auto"] = "auto"
-    #: How EKF-SLAM goes about it. Real readings have more outliers than Gaussian ones, so that a feature needs
-    #: more of them to be confirmed than SlamSettings itself asks for, over a longer time, and counts as new
-    #: sooner.
-    slam: SlamSettings = field(
-        default_factory=lambda: SlamSettings("auto", new_gate=0.9999, outlier_gate="auto", confirm=5, timeout=60.0)
-    )
+    #: How EKF-SLAM goes about it.
+    slam: SlamSettings = field(default_factory=lambda: SlamSettings("auto", confirm=5))
     #: Noise of detections by range and bearing.
     range_bearing: RangeBearing = field(default_factory=lambda: RangeBearing(0.06, 0.015, growth=0.3))
-    cartesian: Cartesian = field(default_factory=lambda: Cartesian(0.1, 0.1))  #: Noise of detections by x and y.
     velocity: Unicycle = field(default_factory=lambda: Unicycle(0.012, 0.04, period=1.0))  #: Noise of velocities.
     #: Noise of increments: 5 cm and 1.8 degrees by each metre, 2.9 degrees by each radian.
     increment: PoseIncrement = field(
@@ -82,10 +77,9 @@ class MapSettings:
     )
     #: Whether the covariances that the log states for detections and increments count, in place of those above.
     stated_noise: bool = True
-    smooth: bool = True  #: Whether a batch over the whole log follows EKF-SLAM.
-    #: Whether that batch estimates noise and systematic errors from the log. "auto": where the residuals show more
-    #: noise than is stated, or much less than the log or these settings' own defaults state.
-    fit_noise: Literal["auto", "on", "off"] = "auto"
+    #: Whether the batch over the whole log estimates noise and systematic errors from it. "auto": where the residuals
+    #: show more noise than is stated, or much less.
+    fit_noise: bool | Literal["auto"] = "auto"
     radius: Positive = 0.1  #: Radius of what was detected, metres: a log says where its centre is, not how large it is.
     radius_sigma: NonNegative = 0.0  #: Standard deviation of that radius, metres.
     #: How scans become obstacles. Its ``pose_sigma`` is also that of poses stated by the log.
@@ -95,8 +89,8 @@ class MapSettings:
     start: tuple[Finite, Finite, Finite] | None = None
     #: What the covariances of detected obstacles are relative to. "start": the start, so that obstacles grow for
     #: the error of where the map lies, too; "map": the obstacles themselves, for a robot that localises on them.
-    #: None: start if it is given here, else map. Fewer than four features, and those without a batch, have no
-    #: frame but the start's; what scans show has none but the map's.
+    #: None: start if it is given here, else map. Fewer than four features, and those of poses that
+    #: are stated, have no frame but the start's; what scans show has none but the map's.
     frame: Frame | None = None
     #: Standard deviation of the pose (x and y each, metres; theta, radians) of the robot that will drive in the
     #: world: obstacles grow by it too. None: it knows where it is.
@@ -104,13 +98,3 @@ class MapSettings:
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)
-
-    @property
-    def default_noise(self) -> bool:
-        """Whether nobody chose the noise of detections and odometry: neither a log nor these settings state it."""
-        names = ("range_bearing", "cartesian", "velocity", "increment")
-        chosen = any(getattr(self, name) != getattr(_DEFAULTS, name) for name in names)
-        return self.stated_noise and not chosen
-
-
-_DEFAULTS = MapSettings()

@@ -1,5 +1,5 @@
 # ruff: noqa: E741, N802, N803, N806 # the names are those of the literature: x, P, F, W, Q, H, R, S, K
-"""Motion models x' = f(x, u, w), w ~ N(0, Q), and sensor models z = h(x, l, v), v ~ N(0, R), with their Jacobians.
+"""Motion models x' = f(x, u, w), w ~ N(0, Q), and the sensor's z = h(x, l, v), v ~ N(0, R), with their Jacobians.
 
 x is the robot's pose (x, y, theta), u what its odometry says, l = (x, y) a point; the noises w and v enter f and h as
 they like. The models are those of Thrun, Burgard & Fox 2005, Probabilistic Robotics, sections 5.3, 6.6 and 10.2.
@@ -8,16 +8,18 @@ they like. The models are those of Thrun, Burgard & Fox 2005, Probabilistic Robo
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.arguments import NonNegative, Positive, checked_fields
-from trailmark.estimation.covariance import draw_noise
+from trailmark.estimation.covariance import checked_covariance, draw_noise
 from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.records import Detection
 from trailmark.se2 import FloatArray, compose, wrap
 
 
@@ -29,21 +31,20 @@ class Step(NamedTuple):
     W: FloatArray  # ∂f/∂w, shape (3, q)
 
 
-@runtime_checkable
-class MotionModel(Protocol):
-    """A motion with three numbers of odometry and q of noise; subclass it, with f, Q and step."""
+class MotionModel(ABC):
+    """A motion with three numbers of odometry and q of noise."""
 
+    @abstractmethod
     def f(self, x: ArrayLike, u: ArrayLike, w: ArrayLike | None = None) -> FloatArray:
         """Return the next pose, shape (..., 3), from x (..., 3), u (..., 3) and w (..., q); w None stands for 0."""
-        ...
 
+    @abstractmethod
     def Q(self, u: ArrayLike) -> FloatArray:
         """Return the covariance of w in the step u, shape (3,): shape (q, q)."""
-        ...
 
+    @abstractmethod
     def step(self, x: FloatArray, u: FloatArray) -> Step:
-        """Return one pose's step at w = 0, x and u of shape (3,): what the filter calls, once per record."""
-        ...
+        """Return one pose's step at w = 0, x and u of shape (3,): plain numbers, since the filter calls it so often."""
 
     def sample(self, x: ArrayLike, u: ArrayLike, rng: np.random.Generator) -> FloatArray:
         """Return simulated next poses, shape (..., 3), of the step u from x (..., 3): f with w from N(0, Q)."""
@@ -105,7 +106,7 @@ class Unicycle(MotionModel):
         return np.diag(variances)
 
     def step(self, x: FloatArray, u: FloatArray) -> Step:
-        """Return one pose's step in plain numbers, ten times as fast as by arrays, since odometry comes often."""
+        """Return one pose's step; see :class:`MotionModel`."""
         px, py, theta = x.tolist()
         v, omega, dt = u.tolist()
         half, drive = 0.5 * omega * dt, v * dt
@@ -167,7 +168,7 @@ class PoseIncrement(MotionModel):
         return np.diag(variances)
 
     def step(self, x: FloatArray, u: FloatArray) -> Step:
-        """Return one pose's step in plain numbers, ten times as fast as by arrays, since odometry comes often."""
+        """Return one pose's step; see :class:`MotionModel`."""
         px, py, theta = x.tolist()
         forward, left, turn = u.tolist()
         cos, sin = math.cos(theta), math.sin(theta)
@@ -188,94 +189,20 @@ class Inverse(NamedTuple):
 
     feature: FloatArray  # l, shape (..., 2)
     G_pose: FloatArray  # ∂l/∂x, shape (..., 2, 3)
-    G_z: FloatArray  # ∂l/∂z, shape (..., 2, m)
+    G_z: FloatArray  # ∂l/∂z, shape (..., 2, 2)
 
 
 class Linearised(NamedTuple):
     """The readings of features, and how they depend on pose and features."""
 
-    z_hat: FloatArray  # h(x, l, 0), shape (..., m)
-    H_pose: FloatArray  # ∂h/∂x, shape (..., m, 3)
-    H_feature: FloatArray  # ∂h/∂l, shape (..., m, 2)
-
-
-@runtime_checkable
-class SensorModel(Protocol):
-    """A sensor that reads m numbers of a point, with noise of as many as R has rows; all but R broadcast.
-
-    Subclass it, with all that has no body here, to get the others.
-    """
-
-    reading_dim: ClassVar[int]  #: m
-
-    @property
-    def R(self) -> FloatArray:
-        """Covariance of v, shape (q, q)."""
-        ...
-
-    def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
-        """Return the reading, shape (..., m), of features (..., 2) from poses (..., 3); v None stands for 0."""
-        ...
-
-    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂h/∂v at v = 0, shape (..., m, q)."""
-        ...
-
-    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
-        """Return h and its Jacobians by pose and feature at v = 0."""
-        ...
-
-    def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
-        """Return the feature l for which h(x, l, 0) = z, and its Jacobians."""
-        ...
-
-    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
-        """Return z − ẑ, shape (..., m), angles going the shorter way round."""
-        ...
-
-    def noise(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return the covariance of a reading about its true value, V R Vᵀ, shape (..., m, m)."""
-        V = self.V(x, l)
-        return np.asarray(V @ self.R @ np.swapaxes(V, -1, -2))
-
-    def curvature(self, z_hat: FloatArray, C: FloatArray) -> FloatArray:
-        """Return the mean square of what a linearised h misses, shape (..., m, m): none, unless overridden.
-
-        Args:
-            z_hat: readings, shape (..., m).
-            C: their covariance by that of pose and feature, H P Hᵀ, shape (..., m, m).
-        """
-        return np.zeros_like(C)
-
-    def sample(self, x: ArrayLike, l: ArrayLike, rng: np.random.Generator) -> FloatArray:
-        """Return simulated readings, shape (..., m): h with v drawn anew from N(0, R) for each."""
-        shape = np.broadcast_shapes(np.shape(x)[:-1], np.shape(l)[:-1])
-        return self.h(x, l, draw_noise(self.R, shape, rng))
-
-
-class _TwoNumbers(SensorModel):
-    """Readings of two numbers of a feature that has two, each with its own noise: the dataclass's first two fields."""
-
-    reading_dim: ClassVar[int] = 2
-
-    def __post_init__(self) -> None:
-        checked_fields(self, EstimationError)
-
-    @cached_property
-    def R(self) -> FloatArray:
-        """The two variances on the diagonal."""
-        first, second = astuple(self)[:2]  # type: ignore[call-overload]  # all that derive from it are dataclasses
-        return np.diag([first**2, second**2])
-
-    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return the identity, shape (..., 2, 2)."""
-        shape = np.broadcast_shapes(np.shape(x)[:-1], np.shape(l)[:-1])
-        return np.broadcast_to(np.eye(2), (*shape, 2, 2))
+    z_hat: FloatArray  # h(x, l, 0), shape (..., 2)
+    H_pose: FloatArray  # ∂h/∂x, shape (..., 2, 3)
+    H_feature: FloatArray  # ∂h/∂l, shape (..., 2, 2)
 
 
 @dataclass(frozen=True)
-class RangeBearing(_TwoNumbers):
-    """Range and bearing of a point: z = (r + (1 + c·r)·v_r, β + v_β), l = (x, y) in the world.
+class RangeBearing:
+    """Range and bearing of a point: z = (r + (1 + c·r)·v_r, β + v_β), l = (x, y) in the world; all but R broadcast.
 
     r = ‖l − (x, y)‖, β = atan2(l_y − y, l_x − x) − θ in (−π, π].
 
@@ -293,8 +220,16 @@ class RangeBearing(_TwoNumbers):
     sigma_bearing: Positive
     growth: NonNegative = 0.0
 
+    def __post_init__(self) -> None:
+        checked_fields(self, EstimationError)
+
+    @cached_property
+    def R(self) -> FloatArray:
+        """Covariance of v, shape (2, 2)."""
+        return np.diag([self.sigma_range**2, self.sigma_bearing**2])
+
     def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
-        """Return (range, bearing), shape (..., 2)."""
+        """Return the reading, shape (..., 2), of features (..., 2) from poses (..., 3); v None stands for 0."""
         dx, dy, theta = _offset(x, l)
         r, beta = np.hypot(dx, dy), np.arctan2(dy, dx) - theta
         if v is not None:
@@ -303,7 +238,7 @@ class RangeBearing(_TwoNumbers):
         return np.stack(np.broadcast_arrays(r, wrap(beta)), axis=-1)
 
     def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
-        """Return (range, bearing) with ∂/∂(x, y, θ) (..., 2, 3) and ∂/∂l (..., 2, 2)."""
+        """Return h and its Jacobians by pose and feature at v = 0."""
         dx, dy, theta = _offset(x, l)
         far = np.hypot(dx, dy)
         r = np.maximum(far, NEAREST)
@@ -317,24 +252,36 @@ class RangeBearing(_TwoNumbers):
         return Linearised(z, H, -H[..., :2])
 
     def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return diag(1 + c·r, 1), shape (..., 2, 2)."""
+        """Return ∂h/∂v at v = 0, diag(1 + c·r, 1), shape (..., 2, 2)."""
         dx, dy, _ = _offset(x, l)
         V = np.zeros((*dx.shape, 2, 2))
         V[..., 0, 0], V[..., 1, 1] = 1.0 + self.growth * np.hypot(dx, dy), 1.0
         return V
 
+    def noise(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return the covariance of a reading about its true value, V R Vᵀ, shape (..., 2, 2)."""
+        V = self.V(x, l)
+        return np.asarray(V @ self.R @ np.swapaxes(V, -1, -2))
+
     def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
-        """Return the point that pose x reads as z, shape (..., 2), with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
-        pose, reading = np.broadcast_arrays(np.asarray(x, dtype=np.float64)[..., :3], _padded(z))
-        r, direction = reading[..., 0], pose[..., 2] + reading[..., 1]
+        """Return the feature l for which h(x, l, 0) = z, and its Jacobians."""
+        poses, readings = np.asarray(x, dtype=np.float64), np.asarray(z, dtype=np.float64)
+        r, direction = np.broadcast_arrays(readings[..., 0], poses[..., 2] + readings[..., 1])
         cos, sin = np.cos(direction), np.sin(direction)
-        G_z = np.empty((*r.shape, 2, 2))
+        G_pose, G_z = np.zeros((*r.shape, 2, 3)), np.empty((*r.shape, 2, 2))
         G_z[..., 0, 0], G_z[..., 1, 0] = cos, sin
         G_z[..., 0, 1], G_z[..., 1, 1] = -r * sin, r * cos
-        return _point_at(pose, r[..., None] * np.stack([cos, sin], axis=-1), G_z)
+        G_pose[..., 0, 0] = G_pose[..., 1, 1] = 1.0
+        G_pose[..., 2] = G_z[..., 1]
+        return Inverse(poses[..., :2] + r[..., None] * np.stack([cos, sin], axis=-1), G_pose, G_z)
 
     def curvature(self, z_hat: FloatArray, C: FloatArray) -> FloatArray:
-        """Return the mean squares of what r loses to errors (ρ, β) of covariance C, r β²/2, and β, ρ β / r."""
+        """Return the mean square of what a linearised h misses, shape (..., 2, 2): r β²/2 of r, and ρ β / r of β.
+
+        Args:
+            z_hat: readings, shape (..., 2).
+            C: covariance of their errors (ρ, β) by that of pose and feature, H P Hᵀ, shape (..., 2, 2).
+        """
         r, added = np.maximum(z_hat[..., 0], NEAREST), np.zeros_like(C)
         # No more than all of the error across the line of sight, and a radian.
         added[..., 0, 0] = r**2 * C[..., 1, 1] * np.minimum(0.75 * C[..., 1, 1], 1.0)
@@ -347,47 +294,23 @@ class RangeBearing(_TwoNumbers):
         y[..., 1] = wrap(y[..., 1])
         return y
 
+    def sample(self, x: ArrayLike, l: ArrayLike, rng: np.random.Generator) -> FloatArray:
+        """Return simulated readings, shape (..., 2): h with v drawn anew from N(0, R) for each."""
+        shape = np.broadcast_shapes(np.shape(x)[:-1], np.shape(l)[:-1])
+        return self.h(x, l, draw_noise(self.R, shape, rng))
 
-@dataclass(frozen=True)
-class Cartesian(_TwoNumbers):
-    """A point in the robot's frame: z = R(θ)ᵀ (l − (x, y)) + v, l = (x, y) in the world.
 
-    Attributes:
-        sigma_x: standard deviation ahead, metres.
-        sigma_y: standard deviation to the left, metres.
-
-    Raises:
-        EstimationError: a deviation that is not positive.
-    """
-
-    sigma_x: Positive
-    sigma_y: Positive
-
-    def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
-        """Return the point in the robot's frame, shape (..., 2), metres."""
-        dx, dy, theta = _offset(x, l)
-        cos, sin = np.cos(theta), np.sin(theta)
-        z = np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
-        return z if v is None else z + np.asarray(v, dtype=np.float64)
-
-    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
-        """Return the point with ∂/∂(x, y, θ) (..., 2, 3) and ∂/∂l = R(θ)ᵀ (..., 2, 2)."""
-        z, (*_, theta) = self.h(x, l), _offset(x, l)
-        H_feature = np.swapaxes(_rotation(theta), -1, -2)
-        H_pose = np.empty((*z.shape[:-1], 2, 3))
-        H_pose[..., :2] = -H_feature
-        H_pose[..., 0, 2], H_pose[..., 1, 2] = z[..., 1], -z[..., 0]
-        return Linearised(z, H_pose, H_feature)
-
-    def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
-        """Return the point in the world, shape (..., 2), with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
-        pose, reading = np.broadcast_arrays(np.asarray(x, dtype=np.float64)[..., :3], _padded(z))
-        G_z = _rotation(pose[..., 2])
-        return _point_at(pose, (G_z @ reading[..., :2, None])[..., 0], G_z)
-
-    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
-        """Return z − ẑ, shape (..., 2)."""
-        return np.asarray(z, dtype=np.float64) - np.asarray(z_hat, dtype=np.float64)
+def as_range_bearing(detection: Detection) -> Detection:
+    """Return a detection by x and y in the robot's frame as one by range and bearing, with its covariance."""
+    if detection.kind != "cartesian" or np.shape(detection.z) != (2,):
+        return detection
+    x, y = np.asarray(detection.z, dtype=np.float64).tolist()
+    r = max(math.hypot(x, y), 1e-6)
+    z, P = np.array([r, math.atan2(y, x)]), detection.covariance
+    if P is not None:
+        J = np.array([[x / r, y / r], [-y / r**2, x / r**2]])
+        P = J @ checked_covariance(P, 2, "reading") @ J.T
+    return detection._replace(z=z, kind="range-bearing", covariance=P)
 
 
 def _offset(x: ArrayLike, l: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -395,23 +318,3 @@ def _offset(x: ArrayLike, l: ArrayLike) -> tuple[FloatArray, FloatArray, FloatAr
     pose, point = np.asarray(x, dtype=np.float64), np.asarray(l, dtype=np.float64)
     dx, dy = point[..., 0] - pose[..., 0], point[..., 1] - pose[..., 1]
     return dx, dy, np.broadcast_to(pose[..., 2], dx.shape)
-
-
-def _point_at(pose: FloatArray, away: FloatArray, G_z: FloatArray) -> Inverse:
-    """Return the point that lies ``away``, shape (..., 2), from the robot in the world's directions."""
-    G_pose = np.zeros((*away.shape[:-1], 2, 3))
-    G_pose[..., 0, 0] = G_pose[..., 1, 1] = 1.0
-    G_pose[..., 0, 2], G_pose[..., 1, 2] = -away[..., 1], away[..., 0]
-    return Inverse(pose[..., :2] + away, G_pose, G_z)
-
-
-def _padded(z: ArrayLike) -> FloatArray:
-    """Return readings, shape (..., 2), with a third column, so that they broadcast with poses."""
-    reading = np.asarray(z, dtype=np.float64)
-    return np.concatenate([reading, np.zeros((*reading.shape[:-1], 1))], axis=-1)
-
-
-def _rotation(theta: FloatArray) -> FloatArray:
-    """Return rotation matrices, shape (..., 2, 2), counter-clockwise by theta."""
-    cos, sin = np.cos(theta), np.sin(theta)
-    return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)

@@ -3,41 +3,37 @@
 
 The first run of the filter knows neither the log's noise nor its systematic errors. What it confuses hardly harms
 these, which all readings share: once they are estimated, the filter runs again, over motions and readings set right,
-and after it the batch, which merges, assigns anew, splits and drops.
-From the second turn on the filter begins with the map that it has.
+and after it the batch, which merges, assigns anew, splits and drops. Then it runs from the log's end to its start, in
+the map that there is: where it had lost its way before, it comes from the other side. After a third run the best one
+counts.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.association import SlamSettings
 from trailmark.estimation.covariance import chi_square_quantile
-from trailmark.estimation.ekf_slam import EkfSlam
-from trailmark.estimation.landmark_graph import Estimate, IntArray, Readings, relative_covariance
+from trailmark.estimation.ekf_slam import EkfSlam, Gates, SlamSettings
+from trailmark.estimation.landmark_graph import Estimate, IntArray, Readings, moved, relative_covariance, turned
 from trailmark.estimation.models import PoseIncrement, RangeBearing
 from trailmark.estimation.noise_fit import GATE as BATCH_GATE
-from trailmark.estimation.noise_fit import Batch, description_length
+from trailmark.estimation.noise_fit import Batch
 from trailmark.estimation.records import Detection, Increment, Record
-from trailmark.se2 import FloatArray, wrap
+from trailmark.se2 import FloatArray, between, wrap
 
 # The share of readings that two features may have at common instants and still be one: some were read twice.
 TOGETHER = 0.02
+TURNS = 3  # Filter and batch: forwards, backwards, forwards.
 SELDOM = 0.2  # A feature read so many times less often than usual, where it should be seen, is none.
-TURNS = 2  # Filter and batch, at most: after the second hardly anything changes.
-ALIKE = 0.98  # The share of readings that are of the same feature as before, from which on nothing is to be gained.
 # By how much larger the odometry's variances are while the filter associates: where it skidded once, a pose that is
 # too sure of itself takes a neighbour for the feature itself.
 CAUTION = 4.0
-# Probabilities that a reading passes its own feature's gate, and the one beyond which it is of none known: a feature
-# begun in vain is merged later, a reading lost in between costs little.
-GATE, NEW_GATE = 0.999, 1.0 - 1e-8
+# Wide gates: a feature begun in vain is merged later, a reading lost in between costs little.
+GATES = Gates(own=0.999, new=1.0 - 1e-8)
 # Metres: how far off features may be from where their readings show them, besides the readings' noise: what stands
 # somewhere is not a point.
 PLACE_SIGMA = 0.03
@@ -59,20 +55,14 @@ class Labels(NamedTuple):
         return np.bincount(self.feature[self.feature >= 0], minlength=len(self.places))
 
 
-def merged(labels: Labels, joint: FloatArray, instant: IntArray, probability: float) -> Labels:
-    """Return the features with those that are one merged, the nearest pair first.
+def _merged(labels: Labels, joint: FloatArray, instant: IntArray) -> Labels:
+    """Return the features with those that are one merged, the nearest pair first; ``joint`` is their covariance.
 
     Two are one if they were not read at the same instants and their difference passes the gate by its covariance, which
     counts what their errors have in common. Taking them for equal corrects all others, before the next pair.
-
-    Args:
-        labels: the features.
-        joint: covariance of all of them together, shape (2m, 2m).
-        instant: of each reading, shape (r,).
-        probability: of the gate.
     """
     x, P = labels.places.copy(), joint.copy()
-    m, limit = len(x), float(chi_square_quantile(probability, 2))
+    m, limit = len(x), float(chi_square_quantile(BATCH_GATE, 2))
     owner, counts = np.arange(m), labels.counts().astype(float)
     seen = np.zeros((m, int(instant.max(initial=0)) + 1), dtype=np.float32)
     used = labels.feature >= 0
@@ -109,26 +99,18 @@ def merged(labels: Labels, joint: FloatArray, instant: IntArray, probability: fl
     return Labels(x, np.where(used, owner[labels.feature], -1)).only(alive)
 
 
-def assigned(labels: Labels, poses: FloatArray, readings: Readings, place_sigma: float, probability: float) -> Labels:
-    """Return each reading assigned to the feature that it fits best, by instants, each feature once; or to none.
-
-    Args:
-        labels: the features.
-        poses: of the instants, shape (n, 3).
-        readings: with the noise of single ones.
-        place_sigma: metres, how far features may be off.
-        probability: that a reading passes the gate of its own feature.
-    """
+def _assigned(labels: Labels, poses: FloatArray, readings: Readings) -> Labels:
+    """Return each reading assigned to the feature that it fits best, by instants, each feature once; or to none."""
     from scipy.optimize import linear_sum_assignment
 
-    limit = float(chi_square_quantile(probability, 2))
+    limit = float(chi_square_quantile(BATCH_GATE, 2))
     pose = poses[readings.instant]
     dx, dy = (labels.places[None] - pose[:, None, :2]).transpose(2, 0, 1)
     r = np.hypot(dx, dy)
     y = np.stack([readings.z[:, :1] - r, wrap(readings.z[:, 1:] - np.arctan2(dy, dx) + pose[:, 2:])], axis=2)
-    variance = np.diagonal(readings.covariance, axis1=1, axis2=2)[:, None] + place_sigma**2
+    variance = np.diagonal(readings.covariance, axis1=1, axis2=2)[:, None] + PLACE_SIGMA**2
     variance = np.broadcast_to(variance, y.shape).copy()
-    variance[:, :, 1] += place_sigma**2 * (1.0 / np.maximum(r, 0.1) ** 2 - 1.0)
+    variance[:, :, 1] += PLACE_SIGMA**2 * (1.0 / np.maximum(r, 0.1) ** 2 - 1.0)
     d2 = (y**2 / variance).sum(axis=2)
     feature = np.full(len(y), -1, dtype=np.intp)
     order = np.argsort(readings.instant, kind="stable")
@@ -142,22 +124,14 @@ def assigned(labels: Labels, poses: FloatArray, readings: Readings, place_sigma:
     return Labels(labels.places, feature)
 
 
-def split(labels: Labels, poses: FloatArray, readings: Readings, place_sigma: float, confirm: int) -> Labels:
-    """Return the features with those that unassigned readings show, at least ``confirm`` in one place.
-
-    Args:
-        labels: the features.
-        poses: of the instants, shape (n, 3).
-        readings: with the noise of single ones.
-        place_sigma: metres, how far apart readings of one thing may lie besides their own noise.
-        confirm: how many readings a feature needs.
-    """
+def _split(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
+    """Return the features with those that unassigned readings show, at least ``confirm`` in one place."""
     free = np.flatnonzero(labels.feature < 0)
     pose, z = poses[readings.instant[free]], readings.z[free]
     direction = pose[:, 2] + z[:, 1]
     seen = pose[:, :2] + z[:, :1] * np.column_stack([np.cos(direction), np.sin(direction)])
     spread = np.maximum(readings.covariance[free, 0, 0], z[:, 0] ** 2 * readings.covariance[free, 1, 1])
-    reach = 3.0 * np.sqrt(spread + place_sigma**2)
+    reach = 3.0 * np.sqrt(spread + PLACE_SIGMA**2)
     places, feature = list(labels.places), labels.feature.copy()
     left = np.ones(len(free), dtype=bool)
     while left.sum() >= confirm:
@@ -182,16 +156,10 @@ def seen_from(poses: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatA
     return np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - poses[:, 2:]))
 
 
-def without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
+def _without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
     """Return the features without those that hardly any reading shows, or much fewer than should.
 
     A feature should be seen where it lies in the box of the middle 90 % of ranges and bearings.
-
-    Args:
-        labels: the features.
-        poses: of the instants, shape (n, 3).
-        readings: of these instants.
-        confirm: how many readings a feature needs.
     """
     counts = labels.counts()
     used = readings.z[labels.feature >= 0]
@@ -205,13 +173,6 @@ def without_unseen(labels: Labels, poses: FloatArray, readings: Readings, confir
     return labels.only((counts >= confirm) & (share >= SELDOM * usual))
 
 
-class Association(NamedTuple):
-    """Features, and which reading is of which."""
-
-    labels: Labels
-    estimate: Estimate
-
-
 def associated(
     batch: Batch,
     labels: Labels,
@@ -219,7 +180,7 @@ def associated(
     settings: SlamSettings,
     fit: bool,
     on_turn: Callable[[int, int], None] | None = None,
-) -> Association:
+) -> tuple[Labels, Estimate]:
     """Return which reading is of which feature, and the batch's optimum with that.
 
     Args:
@@ -228,33 +189,40 @@ def associated(
         poses: of the batch's instants, shape (n, 3).
         settings: the filter's.
         fit: whether noise is estimated.
-        on_turn: called with the number of turns done, and how many there are at most.
+        on_turn: called with the number of turns done, and how many there are.
     """
-
-    def optimum(labels: Labels, poses: FloatArray) -> tuple[Labels, Estimate]:
-        run = batch.fit if fit else batch.solve
-        estimate = run(poses, labels.places, labels.feature)
-        return Labels(estimate.solution.features, labels.feature), estimate
-
-    labels, estimate = optimum(labels, poses)
+    run = batch.fit if fit else batch.solve
+    estimate = run(poses, labels.places, labels.feature)
     known: Labels | None = None
-    best, least = (labels, estimate, batch.noise), math.inf
+    best, least = (labels, estimate, batch.noise), np.inf
     for turn in range(TURNS):
-        before = labels.feature
-        labels, poses = _filtered(batch, estimate, known, settings)
-        labels, estimate = optimum(labels, poses)
+        labels, poses = _filtered(batch, estimate, known, settings, back=turn % 2 == 1)
+        estimate = run(poses, labels.places, labels.feature)
+        labels = Labels(estimate.solution.features, labels.feature)
         labels, estimate = _settled(batch, labels, estimate, settings.confirm)
-        known = labels
-        cost = description_length(batch, estimate, labels.feature)
+        known, cost = labels, description_length(batch, estimate, labels)
         if cost < least:
             best, least = (labels, estimate, batch.noise), cost
-        settled = turn == TURNS - 1 or _agreement(before, labels.feature) > ALIKE
         if on_turn is not None:
-            on_turn(TURNS if settled else turn + 1, TURNS)
-        if settled:
-            break
+            on_turn(turn + 1, TURNS)
     labels, estimate, batch.noise = best
-    return Association(labels, estimate)
+    return labels, estimate
+
+
+def description_length(batch: Batch, estimate: Estimate, labels: Labels) -> float:
+    """Return how badly features explain the readings: less for a better association, fewer features among the like.
+
+    The criterion of Schwarz 1978 (Estimating the dimension of a model, Annals of Statistics 6(2)), in which a
+    reading that is of no feature costs as much as the gate allows.
+    """
+    limit = float(chi_square_quantile(BATCH_GATE, 2))
+    y, R = (
+        estimate.smoother.reading_residuals(estimate.solution, labels.feature),
+        batch.readings(single=True).covariance,
+    )
+    # Those of no feature have no residual.
+    d2 = np.fmin(np.einsum("ni,nij,nj->n", y, np.linalg.inv(R), y), limit)
+    return float((d2 + np.log(np.linalg.det(R))).sum() + 2.0 * len(labels.places) * np.log(max(2, len(d2))))
 
 
 def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> tuple[Labels, Estimate]:
@@ -262,73 +230,62 @@ def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> 
     poses = estimate.solution.poses
     for _ in range(2):
         readings = batch.readings(single=True)
-        labels = merged(labels, estimate.feature_covariance(), readings.instant, BATCH_GATE)
-        labels = assigned(labels, poses, readings, PLACE_SIGMA, BATCH_GATE)
-        labels = split(labels, poses, readings, PLACE_SIGMA, confirm)
-        labels = without_unseen(labels, poses, readings, confirm)
+        labels = _merged(labels, estimate.feature_covariance(), readings.instant)
+        labels = _assigned(labels, poses, readings)
+        labels = _split(labels, poses, readings, confirm)
+        labels = _without_unseen(labels, poses, readings, confirm)
         estimate = batch.solve(poses, labels.places, labels.feature)
         labels, poses = Labels(estimate.solution.features, labels.feature), estimate.solution.poses
     return labels, estimate
 
 
 def _filtered(
-    batch: Batch, estimate: Estimate, known: Labels | None, settings: SlamSettings
+    batch: Batch, estimate: Estimate, known: Labels | None, settings: SlamSettings, *, back: bool
 ) -> tuple[Labels, FloatArray]:
-    """Return what the filter associates, over motions and readings set right, and its poses."""
-    records, number = _records(batch)
-    poses = estimate.solution.poses
+    """Return what the filter associates, beginning with known features at either end of the log, and its poses."""
+    order = slice(None, None, -1 if back else 1)
+    records, number = _records(batch, back)
     slam = EkfSlam(
-        # All records state their noise.
-        {"range-bearing": RangeBearing(1.0, 1.0)},
+        RangeBearing(1.0, 1.0),  # all records state their noise
         increment=PoseIncrement(1.0, 1.0, 1.0),
-        settings=replace(
-            settings,
-            association="nearest" if settings.association == "nearest" else "joint",
-            outlier_gate=None,
-            distinct=True,
-            merge_gate=GATE if known is None else None,
-            gate=GATE,
-            new_gate=NEW_GATE,
-            timeout=np.inf,
-        ),
-        start=poses[0],
+        settings=SlamSettings("joint", settings.confirm),
+        gates=GATES,
+        start=estimate.solution.poses[order][0],
     )
     if known is not None:
         relative = relative_covariance(known.places, estimate.feature_covariance())
         for j, place in enumerate(known.places):
             slam.add_landmark(place, relative[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] + PLACE_SIGMA**2 * np.eye(2))
     result = slam.run(records)
-    order = {feature.id: i for i, feature in enumerate(result.features)}
+    numbers = {feature.id: i for i, feature in enumerate(result.features)}
     feature = np.full(len(batch.raw.z), -1, dtype=np.intp)
     for assignment in result.assignments:
         if assignment.feature is not None:
-            feature[number[id(assignment.detection)]] = order.get(assignment.feature, -1)
+            feature[number[id(assignment.detection)]] = numbers.get(assignment.feature, -1)
     labels = Labels(np.array([f.mean for f in result.features]).reshape(-1, 2), feature)
-    rows = result.trajectory
-    at = np.searchsorted(rows[:, 0], batch.instants, side="right") - 1
-    return labels.only(labels.counts() > 0), rows[np.maximum(at, 0), 1:]
+    rows = np.vstack([[-1.0, *estimate.solution.poses[order][0]], result.trajectory])
+    at = np.searchsorted(rows[:, 0], np.arange(len(batch.instants)), side="right") - 1
+    return labels.only(labels.counts() > 0), rows[at, 1:][order]
 
 
-def _records(batch: Batch) -> tuple[list[Record], dict[int, int]]:
-    """Return motions and readings as records, and for each detection, by its ``id``, the number of its reading."""
+def _records(batch: Batch, back: bool) -> tuple[list[Record], dict[int, int]]:
+    """Return motions and readings as records, and for each detection, by its ``id``, the number of its reading.
+
+    The time of a record is its instant's number, counted from the last one where it goes back.
+    """
     motions, readings = batch.motions(), batch.readings()
-    P = CAUTION * batch.motion_covariance(motions) + 1e-8 * np.eye(3)
-    by_instant: list[list[Detection]] = [[] for _ in batch.instants]
+    u, P = motions.u, CAUTION * batch.motion_covariance(motions) + 1e-8 * np.eye(3)
+    if back:
+        # The error of where a motion ends is that of where it began, seen from its end.
+        P = turned(moved(P, -u[:, :2]), -u[:, 2])[::-1]
+        u = between(u, np.zeros(3))[::-1]
+    seen: list[list[Detection]] = [[] for _ in batch.instants]
     number = {}
-    for i, (instant, z, R) in enumerate(zip(readings.instant, readings.z, readings.covariance, strict=True)):
-        detection = Detection(float(batch.instants[instant]), z, covariance=R)
-        by_instant[instant].append(detection)
-        number[id(detection)] = i
-    records: list[Record] = list(by_instant[0])
-    for t, u, covariance, seen in zip(batch.instants[1:], motions.u, P, by_instant[1:], strict=True):
-        records += [Increment(float(t), float(u[0]), float(u[1]), float(u[2]), covariance), *seen]
+    for i, (instant, z, R) in enumerate(zip(readings.instant.tolist(), readings.z, readings.covariance, strict=True)):
+        t = len(seen) - 1 - instant if back else instant
+        seen[t].append(Detection(float(t), z, covariance=R))
+        number[id(seen[t][-1])] = i
+    records: list[Record] = list(seen[0])
+    for t, (step, covariance) in enumerate(zip(u.tolist(), P, strict=True), start=1):
+        records += [Increment(float(t), step[0], step[1], step[2], covariance), *seen[t]]
     return records, number
-
-
-def _agreement(a: NDArray[np.intp], b: NDArray[np.intp]) -> float:
-    """Return the share of readings whose feature is, by the majority of its readings, the same in both."""
-    same = 0
-    for feature in np.unique(b[b >= 0]):
-        partners = a[(b == feature) & (a >= 0)]
-        same += int(np.bincount(partners).max()) if len(partners) else 0
-    return same / max(1, int(np.count_nonzero(b >= 0)))

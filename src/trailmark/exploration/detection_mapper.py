@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
 from trailmark.errors import ConfigurationError
-from trailmark.estimation.association import AssociationMethod
 from trailmark.estimation.covariance import chi_square_quantile
-from trailmark.estimation.ekf_slam import EkfSlam, MapFeature
-from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.ekf_slam import AssociationMethod, EkfSlam, MapFeature
 from trailmark.estimation.map_settings import MapSettings
 from trailmark.estimation.mapping import map_log
-from trailmark.estimation.models import SensorModel
+from trailmark.estimation.models import as_range_bearing
 from trailmark.estimation.records import Detection, Increment, Log, Pose, Record
 from trailmark.estimation.virtual_sensors import Detector, RayCaster
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
@@ -166,10 +164,9 @@ class DetectionMapper:
         self._start, self._sensor, self._robot = np.asarray(start, dtype=np.float64), sensor, robot
         self._checks, self._model = RecordChecks(Detection, sensor.max_range), MapSettings()
         association: AssociationMethod = "known" if sensor.identities else "joint"
-        slam = replace(self._model.slam, association=association, outlier_gate=None)
-        self._sensors: dict[str, SensorModel] = {"range-bearing": sensor.model, "cartesian": self._model.cartesian}
+        slam = replace(self._model.slam, association=association)
         self._slam = EkfSlam(
-            self._sensors,
+            sensor.model,
             velocity=self._model.velocity,
             increment=self._model.increment,
             settings=slam,
@@ -224,7 +221,7 @@ class DetectionMapper:
             if not self.records:
                 self.records.append(Pose(record.t, *self._start.tolist()))
             if isinstance(record, Detection):
-                sweep.append(record)
+                sweep.append(as_range_bearing(record))
             else:
                 self._use([record])
         heard = bool(sweep) or not any(isinstance(record, Detection) for record in records)
@@ -273,12 +270,7 @@ class DetectionMapper:
     def finished_map(self, log: Log) -> World:
         """Return the world that ``trailmark map`` makes of the log, its discs as large as they are known to be."""
         model = replace(self._model, radius=self._largest)
-        try:
-            mapped = map_log(log, model, robot=self._robot)
-        except (
-            EstimationError
-        ):  # no batch fits, which readings without an error may bring about: the filter's map it is
-            mapped = map_log(log, replace(model, smooth=False), robot=self._robot)
+        mapped = map_log(log, model, robot=self._robot)
         if not self._radii or mapped.slam is None:
             return mapped.world
         radii = [self._radii.get(-1 if f.identity is None else f.identity, self._largest) for f in mapped.slam.features]
@@ -326,8 +318,8 @@ class DetectionMapper:
                 feature = by_name[detection.identity]
             else:
                 feature = features[int(np.hypot(*(places - point).T).argmin())]
-            sensor = self._sensors[detection.kind]
-            own = self._slam.filter.innovation(detection.z, sensor, feature.id, detection.covariance).nis
+            innovation = self._slam.filter.innovation(detection.z, self._sensor.model, feature.id, detection.covariance)
+            own = innovation.nis
             good, readings, nis = good + int(own <= limit), readings + 1, nis + own
         return good, readings, nis
 
@@ -350,9 +342,8 @@ class DetectionMapper:
 
     def _points(self, sweep: Sequence[Detection]) -> FloatArray:
         """Return where detections lie in the robot's frame, shape (n, 2)."""
-        here = np.zeros(3)
-        points = [self._sensors[detection.kind].inverse(here, detection.z).feature for detection in sweep]
-        return np.array(points).reshape(-1, 2)
+        z = np.array([detection.z for detection in sweep], dtype=np.float64).reshape(-1, 2)
+        return self._sensor.model.inverse(np.zeros(3), z).feature
 
     def _should_see(self) -> bool:
         """Return whether a disc stands so near that it would be seen."""

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
-from trailmark.estimation.association import repeats
 from trailmark.estimation.covariance import is_covariance
+from trailmark.estimation.ekf_slam import repeats
 from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.exploration.known_map import KnownMap
 from trailmark.se2 import FloatArray

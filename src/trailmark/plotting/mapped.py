@@ -18,7 +18,7 @@ from trailmark.shown import GOAL, HATCH, LANDMARK, OBSTACLE, OUTSIDE, PATH, STAR
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trailmark.estimation.mapped_log import MappedLog
+    from trailmark.estimation.mapping import MappedLog
     from trailmark.world import ObstacleEstimate
 
 __all__ = ["draw_map", "save_map_figure"]
