@@ -193,6 +193,8 @@ def _print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Pa
         rows.append(("batch", _batch_text(found["batch"])))
     seconds = found["time"]
     each = "-" if seconds["per_update"] is None else f"{1e3 * seconds['per_update']:.3g} ms"
+    if found["matching"] and found["matching"]["revisits"]:
+        rows.append(("revisits", _revisits_text(found["matching"]["revisits"])))
     rows += [
         ("time", f"{each} per {'update' if mapped.scans is None else 'scan'}, {seconds['total']:.2f} s in all"),
         ("obstacles", ", ".join(kinds)),
@@ -222,6 +224,13 @@ def _poses_text(mapped: MappedLog, found: dict[str, Any]) -> str:
     named = ("outliers", "repeated", "ambiguous", "unidentified", "cut_short")
     ignored = [f"{counts[name]:,} {name.replace('_', ' ')}" for name in named if counts.get(name)]
     return f"{source}; {way['length']:,.1f} m driven" + (f"; {', '.join(ignored)}" if ignored else "")
+
+
+def _revisits_text(revisits: dict[str, Any]) -> str:
+    """Return how scans agree with what was seen of their places long before."""
+    if not revisits["scans"]:
+        return "none to judge the map by"
+    return f"nine scans in ten contradict what was seen there before with {revisits['off']:.0%} of their beams at most"
 
 
 def _batch_text(batch: dict[str, Any]) -> str:

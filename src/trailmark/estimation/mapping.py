@@ -22,6 +22,7 @@ from trailmark.estimation.mapped_log import (
     log_warnings,
     placement_doubts,
     places_text,
+    revisit_warnings,
     speed_warnings,
 )
 from trailmark.estimation.obstacles import ScanMap, disc_estimates, map_scans
@@ -150,6 +151,7 @@ def map_log(
     else:
         warnings = speed_warnings(trajectory)
         doubts = [] if matched is None else placement_doubts(matched, trajectory)
+        warnings += [] if matched is None else revisit_warnings(matched)
     warnings += [] if sources.poses == "log" else gap_warnings(log.records)
     if doubts:
         world = replace(world, not_certified="; ".join(doubts))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,6 +27,7 @@ from trailmark.estimation.scan_matching import (
     levels_for,
     local_map,
     match_covariance,
+    off_surfaces,
     refine,
     search,
     surface_cloud,
@@ -295,6 +296,11 @@ class KeyScans:
         beyond = np.where(step > middle, last - step + 1, step - first)  # scans that lie on its other side
         return np.asarray(np.einsum("n,nij->ij", beyond / len(chain), self.steps[step]))
 
+    def seen_by(self, chain: IntArray, cloud: PointCloud, pose: FloatArray) -> BoolArray:
+        """Return which of a cloud's points, at a pose, lie where the scans of a chain saw, shape (m,)."""
+        seen = [in_view(self.clouds[i], transformed(cloud, between(self.poses[i], pose)).points) for i in chain]
+        return np.asarray(np.any(seen, axis=0))
+
     def query(self, chosen: IntArray, frame: int) -> PointCloud:
         """Return what some scans show, in the frame of one of them, thinned."""
         cloud = joined([self.clouds[i] for i in chosen], between(self.poses[frame], self.poses[chosen]))
@@ -412,8 +418,8 @@ class LoopFinder:
         apart = np.abs(between(near.pose, found.pose))
         if np.hypot(*apart[:2]) > ELSEWHERE.xy or apart[2] > ELSEWHERE.theta:
             # Where the graph has the scan, much of it may lie beyond what the map's scans saw.
-            known = near.score + UNSEEN * (1.0 - self._seen_share(query, near.pose, chain))
-            other = found.score + UNSEEN * (1.0 - self._seen_share(query, found.pose, chain))
+            unseen = [float((~keys.seen_by(chain, query, match.pose)).mean()) for match in (near, found)]
+            known, other = near.score + UNSEEN * unseen[0], found.score + UNSEEN * unseen[1]
             if known > LOOP_AMBIGUITY * other:
                 return None
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
@@ -423,12 +429,6 @@ class LoopFinder:
         recent = keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True)
         covariance = covariance + keys.spread(recent, k) + keys.spread(chain, place)
         return keys.related(place, k, found.pose, covariance, certain=False)
-
-    def _seen_share(self, query: PointCloud, pose: FloatArray, chain: IntArray) -> float:
-        """Return the share of a cloud's points, at a pose, that lie where the scans of a chain saw."""
-        keys = self._keys
-        seen = [in_view(keys.clouds[i], transformed(query, between(keys.poses[i], pose)).points) for i in chain]
-        return float(np.any(seen, axis=0).mean())
 
 
 class Drift:
@@ -473,20 +473,55 @@ def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArr
     return np.array(found).reshape(-1, 3)
 
 
+def stretches_of(keys: KeyScans, settings: GraphSettings) -> IntArray:
+    """Return which stretch of the drive each scan belongs to, shape (n,)."""
+    return np.floor(keys.travel / (0.5 * settings.local_length)).astype(np.intp)
+
+
+class _Visit(NamedTuple):
+    """A stretch of the drive, and scans of later visits to it."""
+
+    own: IntArray  # Its scans.
+    chain: IntArray  # Those that its local map is made of.
+    area: LocalMap
+    later: list[int]
+
+
+def _visits(
+    keys: KeyScans, s: GraphSettings, low: float, high: float, without: Collection[tuple[int, int]] = ()
+) -> Iterator[_Visit]:
+    """Yield each stretch with the scans of later visits that were taken from ``low`` to ``high`` metres away.
+
+    Each scan is with the nearest stretches; pairs of stretch and scan that are in ``without`` are left out.
+    """
+    stretches = stretches_of(keys, s)
+    visitors: list[list[int]] = [[] for _ in range(stretches[-1] + 1)]
+    for k, cloud in enumerate(keys.clouds):
+        if len(cloud.points) < MIN_POINTS:
+            continue
+        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
+        # Of earlier visits alone: what each of two visits says of the other is the same.
+        near = np.flatnonzero((apart > low) & (apart <= high) & (keys.travel[k] - keys.travel > s.local_length))
+        nearest = near[np.argsort(apart[near], kind="stable")]
+        _, first = np.unique(stretches[nearest], return_index=True)
+        for stretch in stretches[nearest[np.sort(first)[:MAX_VISITS]]].tolist():
+            if (stretch, k) not in without:
+                visitors[stretch].append(k)
+    for stretch, later in enumerate(visitors):
+        if later:
+            own = np.flatnonzero(stretches == stretch)
+            middle = int(own[len(own) // 2])
+            # One map for all scans that see this stretch.
+            chain = keys.chain(middle, 1.5 * s.local_length, LOCAL_SCANS)
+            area = keys.area(chain, keys.poses[middle], s.max_range + s.loop_distance, 0.0)
+            yield _Visit(own, chain, area, later)
+
+
 def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]:
     """Return where each scan lies in the maps of earlier visits to its place, from the poses that it has now."""
     s, found = settings, list[Relation]()
-    stretches = np.floor(keys.travel / (0.5 * s.local_length)).astype(np.intp)
-    visitors = _visitors(keys, stretches, s)
-    for stretch in np.unique(stretches):
-        if len(visitors[stretch]) == 0:
-            continue
-        own = np.flatnonzero(stretches == stretch)
-        middle = int(own[len(own) // 2])
-        # One map for all scans that see this stretch.
-        chain = keys.chain(middle, 1.5 * s.local_length, LOCAL_SCANS)
-        area = keys.area(chain, keys.poses[middle], s.max_range + s.loop_distance, 0.0)
-        for k in visitors[stretch]:
+    for own, chain, area, later in _visits(keys, s, -1.0, 0.5 * s.loop_distance):
+        for k in later:
             cloud = keys.clouds[k]
             match = refine(area, cloud, keys.poses[k])
             shift = between(keys.poses[k], match.pose)
@@ -499,17 +534,43 @@ def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]
     return found
 
 
-def _visitors(keys: KeyScans, stretches: IntArray, s: GraphSettings) -> list[list[int]]:
-    """Return for each stretch the scans of later visits that see it: each scan is in the lists of the nearest ones."""
-    visitors: list[list[int]] = [[] for _ in range(stretches[-1] + 1)]
-    for k, cloud in enumerate(keys.clouds):
-        if len(cloud.points) < MIN_POINTS:
-            continue
-        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
-        # Of earlier visits alone: what each of two visits says of the other is the same.
-        near = np.flatnonzero((apart <= 0.5 * s.loop_distance) & (keys.travel[k] - keys.travel > s.local_length))
-        nearest = near[np.argsort(apart[near], kind="stable")]
-        _, first = np.unique(stretches[nearest], return_index=True)
-        for at in np.sort(first)[:MAX_VISITS]:
-            visitors[stretches[nearest[at]]].append(k)
-    return visitors
+OFF = 0.25  # Metres from all surfaces that were seen before from which on an end point contradicts them.
+JUDGED = 400  # Pairs of a scan and an earlier visit, at most, that revisits are judged by.
+IN_VIEW = 0.5  # Share of a scan's end points, at least, that must lie where the earlier visit saw.
+
+
+class Revisits(NamedTuple):
+    """How scans agree with what was seen of their places long before, where no relation of the graph joins the two."""
+
+    scans: int  # Pairs of a scan and an earlier visit.
+    off: float | None  # Share of the end points that lie OFF what was seen before; at most that in nine of ten pairs.
+    worst: FloatArray | None  # Where most of them do, shape (2,).
+    chi_square: tuple[float | None, ...]  # Mean by its expectation, of consecutive scans and of closures.
+
+    def figures(self) -> dict[str, Any]:
+        """Return them as plain data that JSON can hold."""
+        steps, closures = self.chi_square
+        return {"scans": self.scans, "off": self.off, "chi_square": {"steps": steps, "closures": closures}}
+
+
+def judge_revisits(keys: KeyScans, relations: Sequence[Relation], settings: GraphSettings) -> Revisits:
+    """Return how right poses are by what did not make them; see :class:`Revisits`."""
+    s, stretches, shares, places = settings, stretches_of(keys, settings), list[float](), list[FloatArray]()
+    joined = {(int(stretches[r.a]), r.b) for r in relations}
+    # Farther apart than scans are matched, and where much of the same is still seen.
+    visits = list(_visits(keys, s, 0.5 * s.loop_distance, s.loop_distance, joined))
+    every = -(-sum(len(visit.later) for visit in visits) // JUDGED)
+    for _, chain, area, later in visits:
+        for k in later[::every]:
+            seen = keys.seen_by(chain, keys.clouds[k], keys.poses[k])
+            if seen.mean() >= IN_VIEW:
+                points = transformed(keys.clouds[k], keys.poses[k]).points[seen]
+                shares.append(float((off_surfaces(area, points) > OFF).mean()))
+                places.append(keys.poses[k, :2])
+    a, b, sure = (np.array(column) for column in zip(*((r.a, r.b, r.certain) for r in relations), strict=True))
+    error = between(np.array([r.pose for r in relations]), between(keys.poses[a], keys.poses[b]))
+    squares = np.einsum("ni,nij,nj->n", error, np.linalg.inv([r.covariance for r in relations]), error) / 3.0
+    chi_square = tuple(float(squares[kind].mean()) if kind.any() else None for kind in (sure, ~sure))
+    if not shares:
+        return Revisits(0, None, None, chi_square)
+    return Revisits(len(shares), float(np.quantile(shares, 0.9)), places[int(np.argmax(shares))], chi_square)

@@ -235,6 +235,15 @@ def _grids(points, x0, y0, rows, columns, levels):  # type: ignore[no-untyped-de
     return nearest, likelihood
 
 
+def off_surfaces(area: LocalMap, points: FloatArray) -> FloatArray:
+    """Return how far points, shape (n, 2), lie from the nearest of a map's, shape (n,), metres; infinite over REACH."""
+    column, row = np.floor((points - [area.x0, area.y0]) / area.cell).astype(np.intp).T
+    rows, columns = area.nearest.shape
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    at = np.where(inside, area.nearest[row.clip(0, rows - 1), column.clip(0, columns - 1)], -1)
+    return np.where(at >= 0, np.hypot(*(points - area.points[at]).T), np.inf)
+
+
 def in_view(cloud: PointCloud, points: FloatArray) -> NDArray[np.bool_]:
     """Return which points lie where a scan's beams passed, or at the surfaces that they met, shape (n,).
 
