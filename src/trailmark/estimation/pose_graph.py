@@ -127,15 +127,7 @@ def optimise(relations: Sequence[Relation], poses: FloatArray, gate: float = 0.9
 
     Relations that are not certain may turn out to be wrong: graduated non-convexity (Yang et al. 2020, "Graduated
     non-convexity for robust spatial perception", truncated least squares) drops those whose residual is beyond
-    the ``gate`` quantile of chi-square.
-
-    Args:
-        relations: that join all poses.
-        poses: to begin with, shape (n, 3).
-        gate: probability with which a right relation counts.
-
-    Returns:
-        The poses, shape (n, 3), and a bool for each relation.
+    the ``gate`` quantile of chi-square. Poses to begin with have the shape (n, 3).
     """
     import gtsam
 
@@ -159,11 +151,7 @@ def optimise(relations: Sequence[Relation], poses: FloatArray, gate: float = 0.9
 
 
 def pose_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatArray:
-    """Return the covariance of each pose in the frame of the first one, shape (n, 3, 3), at an optimum.
-
-    Returns:
-        Of x, y and theta, in the world's axes.
-    """
+    """Return the covariance of each pose in the frame of the first one, shape (n, 3, 3), in the world's axes."""
     return _covariances(*_graph(relations, poses), rotations(poses[:, 2]))
 
 
@@ -230,23 +218,16 @@ def _poses_of(values: Any, n: int) -> FloatArray:
 class KeyScans:
     """Scans with their poses, in the order of time, and the relations between them.
 
-    Attributes:
-        clouds: of each, in the robot's frame.
-        poses: shape (n, 3).
-        travel: shape (n,), metres driven before each.
-        steps: shape (n, 3, 3), covariance of each pose beside the one before, in the world's axes.
-        relations: between them.
-
     Args:
         gap: metres between neighbouring end points of a surface from which on local maps have the line between them.
     """
 
     def __init__(self, gap: float) -> None:
         self._gap = gap
-        self.clouds: list[PointCloud] = []
+        self.clouds: list[PointCloud] = []  # of each, in the robot's frame
         self.poses = np.empty((0, 3))
-        self.travel = np.empty(0)
-        self.steps = np.empty((0, 3, 3))
+        self.travel = np.empty(0)  # metres driven before each
+        self.steps = np.empty((0, 3, 3))  # covariance of each pose beside the one before, in the world's axes
         self.relations: list[Relation] = []
 
     def __len__(self) -> int:
@@ -255,11 +236,7 @@ class KeyScans:
     def add(self, cloud: PointCloud, pose: FloatArray, step: FloatArray, gap: float = 0.0) -> None:
         """Add a scan after the others, ``gap`` metres further on than its place says.
 
-        Args:
-            cloud: in the robot's frame.
-            pose: shape (3,).
-            step: covariance of that beside the last scan's, shape (3, 3), in the world's axes.
-            gap: metres.
+        ``step`` is the covariance of its pose beside the last scan's, shape (3, 3), in the world's axes.
         """
         way = 0.0 if not self.clouds else self.travel[-1] + float(np.hypot(*(pose - self.poses[-1])[:2])) + gap
         self.clouds.append(cloud)
@@ -312,12 +289,7 @@ class KeyScans:
     def related(self, a: int, b: int, pose: FloatArray, covariance: FloatArray, *, certain: bool) -> Relation:
         """Return the relation that the pose of b, found in the world where a lies as it does now, stands for.
 
-        Args:
-            a: the scan that others are held by.
-            b: the one that was matched.
-            pose: of b, shape (3,).
-            covariance: of that pose, in the world's axes, shape (3, 3).
-            certain: see :class:`Relation`.
+        The covariance of that pose, shape (3, 3), is in the world's axes.
         """
         if not certain:
             covariance = covariance + np.diag([REVISITED[0] ** 2, REVISITED[0] ** 2, REVISITED[1] ** 2])
@@ -399,7 +371,8 @@ class LoopFinder:
     def _match(self, k: int, place: int, away: float) -> Relation | None:
         """Return where scan k, with those just before it, lies in the map around a place; None if nowhere for sure."""
         keys, s = self._keys, self._s
-        query = keys.query(keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True), k)
+        recent = keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True)
+        query = keys.query(recent, k)
         sigma, sigma_theta = self._drift.sigma(np.array([away]))
         window = Window(
             float(np.clip(3.0 * sigma[0], 2.0 * WINDOW[0], LOOP_WINDOW.xy)),
@@ -426,7 +399,6 @@ class LoopFinder:
         if is_open:
             return None
         # The errors inside the two maps that it joins.
-        recent = keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True)
         covariance = covariance + keys.spread(recent, k) + keys.spread(chain, place)
         return keys.related(place, k, found.pose, covariance, certain=False)
 

@@ -46,12 +46,12 @@ class _Piece(NamedTuple):
 
 
 class Drive:
-    """A drive: constant velocities, piece by piece.
+    """A drive: constant velocities, piece by piece; ``times``, shape (k + 1,), are when they begin and the last ends.
 
     A robot that can move in every direction (``holonomic``) follows the configurations as a planner means them: x and
     y linearly, theta along the shorter arc. A unicycle drives an arc from one configuration to the next where one arc,
-    forward or backward, joins them (which includes going straight and turning on the spot); elsewhere it turns on the
-    spot, goes straight (backward if that takes less turning), and turns again.
+    forward or backward, joins them; elsewhere it turns on the spot, goes straight (backward if that takes less
+    turning), and turns again.
 
     Args:
         states: configurations x, y, theta, shape (n, 3), n >= 1, each of which is reached; or waypoints x, y, shape
@@ -59,9 +59,6 @@ class Drive:
         speed: metres per second; the robot is as fast as that or as ``turn_rate`` allows.
         turn_rate: radians per second.
         holonomic: whether the robot can move in every direction.
-
-    Attributes:
-        times: when the pieces begin, and when the last one ends, shape (k + 1,), seconds from 0.
     """
 
     @checked_arguments(EstimationError)

@@ -154,28 +154,18 @@ class Detector:
     A disc is seen if its centre lies within range and field of view, and the line of sight meets no other obstacle, no
     bound and no boundary before the disc itself.
 
-    Attributes:
-        model: its noise.
-        max_range: metres.
-        field_of_view: radians, centred ahead.
-        period: seconds from one sweep to the next, the first at the start.
-        identities: whether it identifies the disc that it reads (the obstacle's index in the world).
-        max_radius: metres; larger discs are no point features.
-        detection_rate: chance that a disc that is seen is read in a sweep, 0..1.
-        false_alarms: mean number of readings of nothing in a sweep (Poisson), spread evenly over the area in view;
-            they have no identity.
-
     Raises:
         EstimationError: a value out of range.
     """
 
-    model: RangeBearing
-    max_range: Positive = 10.0
-    field_of_view: Angle = 2.0 * math.pi
-    period: Positive = 0.5
-    identities: bool = True
-    max_radius: PositiveOrInfinite = math.inf
-    detection_rate: Share = 1.0
+    model: RangeBearing  #: Its noise.
+    max_range: Positive = 10.0  #: Metres.
+    field_of_view: Angle = 2.0 * math.pi  #: Radians, centred ahead.
+    period: Positive = 0.5  #: Seconds from one sweep to the next, the first at the start.
+    identities: bool = True  #: Whether it identifies the disc that it reads (the obstacle's index in the world).
+    max_radius: PositiveOrInfinite = math.inf  #: Metres; larger discs are no point features.
+    detection_rate: Share = 1.0  #: Chance that a disc that is seen is read in a sweep.
+    #: Mean number of readings of nothing in a sweep (Poisson), spread evenly over the area in view, without identity.
     false_alarms: NonNegative = 0.0
 
     def __post_init__(self) -> None:
@@ -193,15 +183,7 @@ class Detector:
     def sweep(
         self, t: float, pose: FloatArray, features: FloatArray, caster: RayCaster, rng: np.random.Generator
     ) -> list[Detection]:
-        """Return what it reads from a pose: discs in the order of the world, then false alarms.
-
-        Args:
-            t: seconds.
-            pose: x, y, theta.
-            features: as :meth:`features` gives them.
-            caster: the world, its bounds included.
-            rng: the noise's source.
-        """
+        """Return what it reads from a pose (x, y, theta) at t: discs in the order of the world, then false alarms."""
         dx, dy = features[:, 1] - pose[0], features[:, 2] - pose[1]
         away, bearing = np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - pose[2]))
         near = (away <= self.max_range) & (np.abs(bearing) <= 0.5 * self.field_of_view)
@@ -228,28 +210,19 @@ class Detector:
 class Scanner:
     """A laser scanner.
 
-    Attributes:
-        beams: how many, evenly spread over the field of view, its two ends included (one end for a full circle).
-        field_of_view: radians, centred on the scanner's heading.
-        max_range: metres; a beam that meets nothing within reads infinity.
-        sigma: standard deviation of a reading, metres.
-        period: seconds from one sweep to the next, the first at the start.
-        drop_out: chance that a reading is lost (NaN), 0..1.
-        mount: its configuration x, y, theta in the robot's frame.
-        bounds: whether the world's bounds are walls that it sees; its boundary always is.
-
     Raises:
         EstimationError: a value out of range.
     """
 
+    #: Evenly spread over the field of view, its two ends included (one end for a full circle).
     beams: Count = 181
-    field_of_view: Angle = math.pi
-    max_range: Positive = 10.0
-    sigma: NonNegative = 0.01
-    period: Positive = 0.5
-    drop_out: Share = 0.0
-    mount: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
-    bounds: bool = True
+    field_of_view: Angle = math.pi  #: Radians, centred on the scanner's heading.
+    max_range: Positive = 10.0  #: Metres; a beam that meets nothing within reads infinity.
+    sigma: NonNegative = 0.01  #: Standard deviation of a reading, metres.
+    period: Positive = 0.5  #: Seconds from one sweep to the next, the first at the start.
+    drop_out: Share = 0.0  #: Chance that a reading is lost (NaN).
+    mount: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)  #: Its x, y, theta in the robot's frame.
+    bounds: bool = True  #: Whether the world's bounds are walls that it sees; its boundary always is.
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)
@@ -266,14 +239,7 @@ class Scanner:
         return -0.5 * self.field_of_view if self.beams > 1 else 0.0
 
     def sweep(self, t: float, pose: FloatArray, caster: RayCaster, rng: np.random.Generator) -> Scan:
-        """Return what it reads from a pose.
-
-        Args:
-            t: seconds.
-            pose: the robot's x, y, theta.
-            caster: the world.
-            rng: the noise's source.
-        """
+        """Return what it reads at t, the robot at a pose (x, y, theta)."""
         own = compose(pose, np.array(self.mount))
         angles = own[2] + self.angle_min + self.angle_increment * np.arange(self.beams)
         ranges = caster.distances(own[:2], angles, self.max_range)
