@@ -118,18 +118,11 @@ def _unpacked(raw: BinaryIO) -> BinaryIO | gzip.GzipFile:
     return gzip.GzipFile(fileobj=raw) if packed else raw
 
 
-def read_table(path: Path, columns: Sequence[str], bad: BadRecords, separator: str | None = None) -> Table:
-    """Return the rows of a table of numbers; empty lines and comments (``#``) are skipped.
-
-    Args:
-        path: the file.
-        columns: their names, for messages.
-        bad: what becomes of a row with too few or too many columns, or a value that is not a finite number.
-        separator: what sets off the columns; None stands for blanks.
-    """
+def read_table(path: Path, columns: Sequence[str], bad: BadRecords) -> Table:
+    """Return the rows of a table of numbers set off by blanks; empty lines and comments (``#``) are skipped."""
     rows, places = [], []
     for number, line in enumerate(read_lines(path, bad), start=1):
-        fields = line.split(separator)
+        fields = line.split()
         if not line.strip() or line.lstrip()[0] == "#":
             continue
         row = numbers(fields)
