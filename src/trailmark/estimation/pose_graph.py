@@ -317,12 +317,19 @@ MAX_SHIFT = 0.3, np.radians(5.0)
 
 
 class LoopFinder:
-    """Finds loop closures scan by scan."""
+    """Finds loop closures scan by scan, by how errors grow along consecutive ones.
+
+    They add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
+    heading's rate times L³/3. The rates are those of the relations that are certain.
+    """
 
     def __init__(self, keys: KeyScans, settings: GraphSettings) -> None:
-        self._keys, self._s, self._drift = keys, settings, Drift(settings)
+        self._keys, self._s = keys, settings
         self._read = 0  # relations
         self._ends = np.empty((0, 2), dtype=np.intp)
+        self._length, self._errors = 1e-9, np.zeros(2)  # of relations that are certain: metres, variances added up
+        step = np.array([settings.key_distance, 0.0, 0.0])
+        self._open = min(OPEN, 4.0 * float(settings.odometry_noise(step)[0, 0]))
 
     def find(self, k: int) -> list[Relation]:
         """Return where scan k, with those just before it, surely lies in the maps of places that were seen before."""
@@ -333,15 +340,17 @@ class LoopFinder:
     def drifts(self, k: int) -> FloatArray:
         """Return how each scan is related to scan k: metres along relations, and what drifts on them, shape (n, 2)."""
         away = self._graph_distances(k)
-        return np.column_stack([away, self._drift.sigma(away)[0]])
+        return np.column_stack([away, self._sigma(away)[0]])
 
     def _graph_distances(self, k: int) -> FloatArray:
         """Return how many metres along relations each scan is away from scan k, shape (n,)."""
         keys, n = self._keys, len(self._keys)
         new = keys.relations[self._read :]
         self._read += len(new)
-        for relation in new:
-            self._drift.add(relation)
+        for relation in (relation for relation in new if relation.certain):
+            x, y, theta = np.diag(relation.covariance)
+            self._length += float(np.hypot(*relation.pose[:2]))
+            self._errors += 0.5 * (min(x, self._open) + min(y, self._open)), theta
         pairs = np.vstack([self._ends, *([relation.a, relation.b] for relation in new)])
         # Two relations of the same pair would count as one of their lengths' sum.
         _, one = np.unique(pairs[:, 0] * n + pairs[:, 1], return_index=True)
@@ -351,10 +360,15 @@ class LoopFinder:
         graph = coo_array((lengths, (a, b)), shape=(n, n)).tocsr()
         return np.asarray(dijkstra(graph, directed=False, indices=[k])[0])
 
+    def _sigma(self, distances: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""
+        place, heading = self._errors / self._length
+        return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)
+
     def _candidates(self, k: int, away: FloatArray) -> list[int]:
         """Return the nearest scan of each stretch of the drive that may have seen the same, the likeliest first."""
         keys, s = self._keys, self._s
-        sigma, _ = self._drift.sigma(away)
+        sigma, _ = self._sigma(away)
         apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
         possible = (away > 2.0 * s.local_length) & (apart <= s.loop_distance + np.minimum(2.0 * sigma, LOOP_WINDOW.xy))
         places = np.flatnonzero(possible)
@@ -373,7 +387,7 @@ class LoopFinder:
         keys, s = self._keys, self._s
         recent = keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True)
         query = keys.query(recent, k)
-        sigma, sigma_theta = self._drift.sigma(np.array([away]))
+        sigma, sigma_theta = self._sigma(np.array([away]))
         window = Window(
             float(np.clip(3.0 * sigma[0], 2.0 * WINDOW[0], LOOP_WINDOW.xy)),
             float(np.clip(3.0 * sigma_theta[0], WINDOW[1], LOOP_WINDOW.theta)),
@@ -401,30 +415,6 @@ class LoopFinder:
         # The errors inside the two maps that it joins.
         covariance = covariance + keys.spread(recent, k) + keys.spread(chain, place)
         return keys.related(place, k, found.pose, covariance, certain=False)
-
-
-class Drift:
-    """How errors grow along consecutive scans.
-
-    They add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
-    heading's rate times L³/3. The rates are those of the relations that are certain.
-    """
-
-    def __init__(self, settings: GraphSettings) -> None:
-        self._length, self._place, self._heading = 1e-9, 0.0, 0.0
-        self._open = min(OPEN, 4.0 * float(settings.odometry_noise(np.array([settings.key_distance, 0.0, 0.0]))[0, 0]))
-
-    def add(self, relation: Relation) -> None:
-        """Count a relation, if it is certain."""
-        if relation.certain:
-            self._length += float(np.hypot(*relation.pose[:2]))
-            self._place += 0.5 * float(np.minimum(np.diag(relation.covariance)[:2], self._open).sum())
-            self._heading += float(relation.covariance[2, 2])
-
-    def sigma(self, distances: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""
-        place, heading = self._place / self._length, self._heading / self._length
-        return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)
 
 
 def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArray:
