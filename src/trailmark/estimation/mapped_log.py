@@ -72,18 +72,18 @@ class MappedLog(NamedTuple):
         risk = self.world.risk
         kinds = Counter(_KINDS[type(record)] for record in self.log.records)
         steps = np.diff(self.trajectory, axis=0)
-        times, matched, matching = self.trajectory[:, 0], self.matched, None
+        times, matched, matching = self.trajectory[:, 0], self.matched, dict[str, Any]()
         if matched is not None:
             matching = {"nodes": len(matched.keys), "relations": len(matched.relations)}
             matching |= {"closures": matched.closures, "rejected": matched.rejected}
-            matching |= {"revisits": None if matched.revisits is None else matched.revisits.figures()}
+            matching["revisits"] = None if matched.revisits is None else matched.revisits.figures()
         return {
             "name": self.log.name,
             "records": {"all": len(self.log.records), **{name: kinds[name] for name in _KINDS.values()}},
             "dropped": self.log.dropped,
             "poses": self.poses,
             "association": self.association,
-            "matching": matching,
+            "matching": matching or None,
             "features": self._features(),
             "nis": self._nis(),
             "batch": None if self.batch is None else self.batch.figures,
