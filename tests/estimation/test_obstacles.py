@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
-import itertools
 import math
 from dataclasses import replace
 from functools import cache
@@ -168,28 +166,6 @@ def test_scans_that_show_nothing_make_a_world_nevertheless() -> None:
     found = map_scans([empty])
     assert found.walls == found.discs == 0
     assert found.world.estimates == ()
-
-
-@pytest.mark.slow
-def test_a_part_of_the_intel_lab(shared_data: Path, tmp_path: Path) -> None:
-    from trailmark.estimation.readers import load_log
-
-    file = shared_data / "carmen" / "intel-corrected.log.gz"
-    if not file.is_file():
-        pytest.skip("the Intel lab log is not among the data")
-    with gzip.open(file, "rt") as whole:
-        (tmp_path / "intel.log").write_text("".join(itertools.islice(whole, 1700)))
-    seen = [record for record in load_log(tmp_path / "intel.log").records if isinstance(record, Scan)]
-    found = map_scans(seen, robot=Robot.disc(0.2))
-    solid = regions(found.world)
-    tree, outlines = shapely.STRtree(solid), shapely.STRtree(shapely.boundary(solid))
-    ends = np.concatenate([end_points(scan) for scan in seen])[::5]
-    _, off = outlines.query_nearest(shapely.points(ends), return_distance=True, all_matches=False)
-    assert (off <= 0.15).mean() >= 0.95
-    _, room_left = tree.query_nearest(shapely.points(found.poses[:, :2]), return_distance=True, all_matches=False)
-    assert (room_left >= 0.2).mean() >= 0.99
-    assert len(seen) > 70
-    assert found.walls > 40
 
 
 @pytest.mark.slow

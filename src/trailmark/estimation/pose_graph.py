@@ -463,7 +463,7 @@ def _visits(
             continue
         apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
         # Of earlier visits alone: what each of two visits says of the other is the same.
-        near = np.flatnonzero((apart > low) & (apart <= high) & (keys.travel[k] - keys.travel > s.local_length))
+        near = np.flatnonzero((apart >= low) & (apart <= high) & (keys.travel[k] - keys.travel > s.local_length))
         nearest = near[np.argsort(apart[near], kind="stable")]
         _, first = np.unique(stretches[nearest], return_index=True)
         for stretch in stretches[nearest[np.sort(first)[:MAX_VISITS]]].tolist():
@@ -482,7 +482,7 @@ def _visits(
 def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]:
     """Return where each scan lies in the maps of earlier visits to its place, from the poses that it has now."""
     s, found = settings, list[Relation]()
-    for own, chain, area, later in _visits(keys, s, -1.0, 0.5 * s.loop_distance):
+    for own, chain, area, later in _visits(keys, s, 0.0, 0.5 * s.loop_distance):
         for k in later:
             cloud = keys.clouds[k]
             match = refine(area, cloud, keys.poses[k])
