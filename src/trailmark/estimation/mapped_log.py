@@ -41,8 +41,8 @@ APART = 5.0  # Standard deviations that features must lie apart: nearer ones are
 SHOWN = 5  # Places, at most, that a sentence names.
 # Seconds without odometry, and in intervals as they mostly are, that are a gap: both together.
 GAP, UNUSUAL = 5.0, 20.0
-# Share of the end points that may contradict earlier visits: right maps of four public logs have 0.08 to 0.19; with one
-# half turned by 3 degrees, 0.24 to 0.91.
+# Share of the end points that may contradict earlier visits: right maps of four public logs have 0.08 to 0.18; with one
+# half turned by 3 degrees, 0.25 to 0.91.
 MAX_OFF = 0.25
 DAY = 86_400.0  # Seconds: a longer gap between two records is a clock that was set.
 

@@ -497,7 +497,6 @@ def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]
 
 
 OFF = 0.25  # Metres from all surfaces that were seen before from which on an end point contradicts them.
-JUDGED = 400  # Pairs of a scan and an earlier visit, at most, that revisits are judged by.
 IN_VIEW = 0.5  # Share of a scan's end points, at least, that must lie where the earlier visit saw.
 
 
@@ -520,10 +519,8 @@ def judge_revisits(keys: KeyScans, relations: Sequence[Relation], settings: Grap
     s, stretches, shares, places = settings, stretches_of(keys, settings), list[float](), list[FloatArray]()
     joined = {(int(stretches[r.a]), r.b) for r in relations}
     # Farther apart than scans are matched, and where much of the same is still seen.
-    visits = list(_visits(keys, s, 0.5 * s.loop_distance, s.loop_distance, joined))
-    every = -(-sum(len(visit.later) for visit in visits) // JUDGED)
-    for _, chain, area, later in visits:
-        for k in later[::every]:
+    for _, chain, area, later in _visits(keys, s, 0.5 * s.loop_distance, s.loop_distance, joined):
+        for k in later:
             seen = keys.seen_by(chain, keys.clouds[k], keys.poses[k])
             if seen.mean() >= IN_VIEW:
                 points = transformed(keys.clouds[k], keys.poses[k]).points[seen]
