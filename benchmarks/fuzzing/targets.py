@@ -268,12 +268,6 @@ def _bag(kind: str) -> Callable[[Path], None]:
     return make
 
 
-def _gps(path: Path) -> None:
-    from trailmark.estimation.readers.victoria import read_gps
-
-    read_gps(path)
-
-
 def _suite(path: Path) -> None:
     from trailmark.benchmark.suites import read_suite
 
@@ -349,7 +343,6 @@ TARGETS: dict[str, Target] = {
     "log CARMEN": Target(_head("carmen/intel-corrected.log.gz", 60), "intel-corrected.log", _log),
     "log Victoria": Target(_head("victoria/victoria_park.txt"), "victoria_park.txt", _log),
     "log MRCLAM": Target(_mrclam, ".", _log),
-    "GPS": Target(_head("victoria/GPS.txt"), "GPS.txt", _gps),
     "bag of ROS 1": Target(_bag("ros1"), "drive.bag", _log),
     "bag of ROS 2": Target(_bag("sqlite3"), "drive", _log),
     "bag as MCAP": Target(_bag("mcap"), "drive", _log),

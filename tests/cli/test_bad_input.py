@@ -30,7 +30,7 @@ MAP_SETTINGS = [
     ("log: {robot: 1}", "setting log.robot: expected "),
     ("mapping: {scan: 3}", "mapping.scan: expected lines 'name: value', got int"),
     ("radius: 0", "MapSettings: radius: expected a finite number above 0, got 0"),
-    ("slam: {association: nearst}", "SlamSettings: association: expected auto, joint, known, nearest, "),
+    ("slam: {association: nearst}", "SlamSettings: association: expected auto, joint, known, got 'nearst'"),
     ("mapping: {unknown: maybe}", "MappingSettings: unknown: expected blocked, free, got 'maybe'"),
     ("log: {scan_topic: [1]}", "load_log: scan_topic: expected "),
 ]

@@ -128,16 +128,6 @@ def test_whether_the_poses_are_corrected_can_be_told(tmp_path: Path) -> None:
         assert np.abs(np.array([s.mount for s in found]) - (0.1, 0.0, 0.0)).max() < 1e-9
 
 
-def test_corrected_poses_beside_raw_odometry(tmp_path: Path) -> None:
-    log = load(
-        tmp_path / "a.log",
-        flaser(1.0, [1.0], (5.0, 5.0, 1.0), (0.0, 0.0, 0.0)),
-        flaser(2.0, [1.0], (5.6, 5.8, 1.1), (1.0, 0.0, 0.0)),
-    )
-    assert [s.pose for s in scans(log.records)] == [(5.0, 5.0, 1.0), (5.6, 5.8, 1.1)]
-    assert np.abs(driven(log) - (1.0, 0.0, 0.0)).max() < 1e-12
-
-
 def test_the_newer_scans_and_the_simulators_truth(tmp_path: Path) -> None:
     beams = "0 -2.356 4.712 1.178 20.0 0.01 0 5 1 2 3 4 30 2 100 200"
     log = load(

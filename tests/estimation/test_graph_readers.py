@@ -9,7 +9,6 @@ import pytest
 
 from trailmark.errors import FormatError
 from trailmark.estimation.readers import load_log
-from trailmark.estimation.readers.victoria import read_gps
 from trailmark.estimation.records import Detection, Increment, Pose
 
 LINES = (
@@ -97,15 +96,6 @@ def test_the_real_log(shared_data: Path) -> None:
     assert len({r.identity for r in log.records if isinstance(r, Detection)}) == 151
     times = [r.t for r in log.records]
     assert times == sorted(times)
-
-
-def test_gps(shared_data: Path, tmp_path: Path) -> None:
-    path = shared_data / "victoria" / "GPS.txt"
-    assert np.array_equal(read_gps(path), np.loadtxt(path, delimiter=","))
-    (tmp_path / "gps.txt").write_text("1,2,3\n2,3\n3,4,5\n2,1,1\n")
-    with pytest.raises(FormatError, match=r"gps.txt:2: expected 3 finite numbers t, x, y, got 2 columns"):
-        read_gps(tmp_path / "gps.txt")
-    assert read_gps(tmp_path / "gps.txt", skip_bad=True).tolist() == [[1, 2, 3], [3, 4, 5]]
 
 
 TEXT = """VERTEX_SE2 0 1 2 0.5

@@ -81,16 +81,6 @@ def test_a_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, log: Lo
     assert same(load_log(path), log)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["mrclam6:1", "carmen/aces-corrected.log.gz", "victoria/victoria_park.txt"])
-def test_real_logs_survive(shared_data: Path, tmp_path: Path, name: str) -> None:
-    log = load_log(shared_data / name, skip_bad=True)
-    # The last thousand are as good as all, and quicker.
-    log = log._replace(records=log.records[-1000:], dropped=0, notes=())
-    save_log(log, tmp_path / "log.jsonl")
-    assert same(load_log(tmp_path / "log.jsonl"), log)
-
-
 def write(path: Path, *lines: str) -> Path:
     path.write_text("\n".join(['{"trailmark_log": 1, "name": "a"}', *lines]) + "\n", encoding="utf-8")
     return path

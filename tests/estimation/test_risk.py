@@ -244,9 +244,6 @@ def office(confidence: float = 0.99) -> World:
     )
 
 
-# --- Shares
-
-
 def shares(n: int, weights: list[float] | None) -> list[float]:
     """Return what share of the risk each of n obstacles gets."""
     world = grown_world(ESTIMATES[:1] * n, BOUNDS, 0.9, weights=weights)
@@ -261,9 +258,6 @@ def test_risks_add_up_to_what_there_is(weights: list[float]) -> None:
         found = shares(len(weights), given_weights)
         assert min(found) > 0.0
         assert math.fsum(found) == pytest.approx(1.0, rel=1e-12)
-
-
-# --- Worlds
 
 
 def test_each_obstacle_is_grown_by_its_part_of_the_risk() -> None:
@@ -329,13 +323,6 @@ def test_contradictions_are_one_line(make: object, problem: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-HEAD = "trailmark: 1\nbounds: [0, 0, 9, 9]\n"
-DISC = "{shape: disc, center: [1, 2], radius: 1"
-
-
-# --- Is the bound kept?
-
-
 @pytest.mark.slow
 def test_all_obstacles_together_are_covered_as_often_as_stated() -> None:
     rng = np.random.default_rng(3)
@@ -355,9 +342,6 @@ def test_all_obstacles_together_are_covered_as_often_as_stated() -> None:
             shapely.prepare(region)
             escaped |= ~shapely.covers(region, discs)
         assert escaped.mean() <= 1.0 - confidence + 3.0 * math.sqrt(confidence * (1.0 - confidence) / draws)
-
-
-# --- Refined
 
 
 def test_an_obstacle_that_is_known_better_is_grown_anew_and_no_other() -> None:

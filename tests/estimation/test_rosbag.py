@@ -39,6 +39,17 @@ def typestore(which: Stores) -> Any:
     return store
 
 
+def stamped(t: float, frame: str) -> dict[str, Any]:
+    """A header."""
+    return {"stamp": {"sec": int(t), "nanosec": round((t - int(t)) * 1e9)}, "frame_id": frame}
+
+
+def quaternion(roll: float, yaw: float) -> dict[str, float]:
+    """A turn by yaw about z after one by roll about x."""
+    (sx, cx), (sz, cz) = ((math.sin(turn / 2), math.cos(turn / 2)) for turn in (roll, yaw))
+    return {"x": sx * cz, "y": sx * sz, "z": cx * sz, "w": cx * cz}
+
+
 class Bag:
     """Makes messages of one ROS generation and writes them."""
 
@@ -46,65 +57,28 @@ class Bag:
         self.kind = kind
         self.store = typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
 
-    def make(self, name: str, *args: Any, **kwargs: Any) -> Any:
-        return self.store.types[name](*args, **kwargs)
-
-    def header(self, t: float, frame: str) -> Any:
-        stamp = self.make("builtin_interfaces/msg/Time", sec=int(t), nanosec=round((t - int(t)) * 1e9))
-        more = {"seq": 0} if self.kind == "ros1" else {}
-        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **more)
-
-    def quaternion(self, roll: float, yaw: float) -> Any:
-        # A turn by yaw about z after one by roll about x.
-        a, b = roll / 2, yaw / 2
-        return self.make(
-            "geometry_msgs/msg/Quaternion",
-            x=math.sin(a) * math.cos(b),
-            y=math.sin(a) * math.sin(b),
-            z=math.cos(a) * math.sin(b),
-            w=math.cos(a) * math.cos(b),
-        )
+    def make(self, name: str, **given: Any) -> Any:
+        """Return a message: mappings become messages of their own, what is left out is 0 or empty."""
+        fields = dict[str, Any]()
+        for field, (kind, detail) in self.store.fielddefs[name][1]:
+            if kind.name == "NAME":
+                fields[field] = self.make(detail, **given.get(field, {}))
+            elif kind.name == "BASE":
+                fields[field] = given.get(field, "" if detail[0] == "string" else 0)
+            else:
+                fields[field] = given.get(field, np.zeros(detail[1], detail[0][1][0]))
+        return self.store.types[name](**fields)
 
     def odometry(self, t: float, pose: Sequence[float], topic: str = "/odom", stamp: float | None = None) -> Message:
-        x, y, theta = pose
-        zero = self.make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
-        place = self.make(
-            "geometry_msgs/msg/Pose",
-            position=self.make("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
-            orientation=self.quaternion(0.0, theta),
-        )
-        message = self.make(
-            "nav_msgs/msg/Odometry",
-            header=self.header(t if stamp is None else stamp, "odom"),
-            child_frame_id="base_footprint",
-            pose=self.make("geometry_msgs/msg/PoseWithCovariance", pose=place, covariance=np.zeros(36)),
-            twist=self.make(
-                "geometry_msgs/msg/TwistWithCovariance",
-                twist=self.make("geometry_msgs/msg/Twist", linear=zero, angular=zero),
-                covariance=np.zeros(36),
-            ),
-        )
-        return topic, "nav_msgs/msg/Odometry", t, message
+        place = {"position": dict(zip("xy", map(float, pose), strict=False)), "orientation": quaternion(0.0, pose[2])}
+        header = stamped(t if stamp is None else stamp, "odom")
+        kind = "nav_msgs/msg/Odometry"
+        return topic, kind, t, self.make(kind, header=header, child_frame_id="base_footprint", pose={"pose": place})
 
     def scan(self, t: float, ranges: Sequence[float], topic: str = "/scan", **changes: float) -> Message:
-        fields = {
-            "angle_min": -1.0,
-            "angle_max": 1.0,
-            "angle_increment": 0.5,
-            "time_increment": 0.0,
-            "scan_time": 0.1,
-            "range_min": 0.1,
-            "range_max": 10.0,
-            **changes,
-        }
-        message = self.make(
-            "sensor_msgs/msg/LaserScan",
-            header=self.header(t, "laser"),
-            ranges=np.array(ranges, dtype=np.float32),
-            intensities=np.zeros(0, dtype=np.float32),
-            **fields,
-        )
-        return topic, "sensor_msgs/msg/LaserScan", t, message
+        beams = {"angle_min": -1.0, "angle_increment": 0.5, "range_min": 0.1, "range_max": 10.0, **changes}
+        kind, met = "sensor_msgs/msg/LaserScan", np.array(ranges, dtype=np.float32)
+        return topic, kind, t, self.make(kind, header=stamped(t, "laser"), ranges=met, **beams)
 
     def transform(
         self,
@@ -115,17 +89,9 @@ class Bag:
         yaw: float = 0.0,
         topic: str = "/tf_static",
     ) -> Message:
-        x, y, z = shift
-        entry = self.make(
-            "geometry_msgs/msg/TransformStamped",
-            header=self.header(1.0, parent),
-            child_frame_id=child,
-            transform=self.make(
-                "geometry_msgs/msg/Transform",
-                translation=self.make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
-                rotation=self.quaternion(roll, yaw),
-            ),
-        )
+        place = {"translation": dict(zip("xyz", shift, strict=True)), "rotation": quaternion(roll, yaw)}
+        kind = "geometry_msgs/msg/TransformStamped"
+        entry = self.make(kind, header=stamped(1.0, parent), child_frame_id=child, transform=place)
         return topic, TRANSFORMS, 1.0, self.make(TRANSFORMS, transforms=[entry])
 
     def write(self, folder: Path, messages: Sequence[Message]) -> Path:

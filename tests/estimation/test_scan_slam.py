@@ -13,10 +13,11 @@ import shapely
 from tests.estimation.ray_casting import cast, room
 from tests.helpers.trials import few
 
+from trailmark.estimation import MapSettings, map_log
 from trailmark.estimation.laser_slam import ScanPoses, match_scans
-from trailmark.estimation.pose_graph import GraphSettings, KeyScans
-from trailmark.estimation.records import Scan
-from trailmark.estimation.scan_matching import PointCloud
+from trailmark.estimation.pose_graph import GraphSettings, KeyScans, LoopFinder, Relation, judge_revisits
+from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
+from trailmark.estimation.scan_matching import PointCloud, surface_cloud
 from trailmark.estimation.virtual_sensors import Scanner
 from trailmark.exploration.scan_mapper import graph_settings
 from trailmark.se2 import FloatArray, between, compose
@@ -129,30 +130,59 @@ def test_no_more_nodes_than_places(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3
 
 
+def as_log(odometry: FloatArray) -> Log:
+    records: list[Record] = [Pose(0.0, *odometry[0].tolist())]
+    for before, here, scan in zip(odometry[[0, *range(len(odometry) - 1)]], odometry, scans(), strict=True):
+        records += [Increment.between(scan.t, tuple(before), tuple(here)), scan._replace(pose=None)]
+    return Log("block", tuple(records), np.empty((0, 3)))
+
+
+@pytest.mark.slow
+def test_revisits_tell_a_right_map_from_a_bent_one_and_from_a_wrong_closure(monkeypatch: pytest.MonkeyPatch) -> None:
+    right, bent = matched().revisits, truth().copy()
+    assert right is not None
+    assert right.off is not None
+    assert right.scans >= 5
+    assert right.off < 0.1
+    bent[40:] = compose(compose(bent[40], np.array([0.0, 0.0, 0.05])), between(bent[40], bent[40:]))
+    keys = KeyScans(0.8)
+    for scan, pose in zip(scans(), bent, strict=True):
+        keys.add(surface_cloud(scan, 20.0), pose, np.zeros((3, 3)))
+    off = judge_revisits(keys, [Relation(0, 1, between(bent[0], bent[1]), np.eye(3))], GraphSettings()).off
+    assert off is not None
+    assert off > 0.4
+
+    def wrong(_: LoopFinder, k: int) -> list[Relation]:
+        """The last scan lies two metres beside the first."""
+        place = np.array([2.0, 2.0, 0.0])
+        return [Relation(0, k, place, 1e-6 * np.eye(3))] if k == 150 else []
+
+    monkeypatch.setattr(LoopFinder, "find", wrong)
+    mapped = map_log(as_log(odometry()), MapSettings(poses="match"))
+    assert mapped.figures()["matching"]["revisits"]["off"] > 0.4
+    assert any("seen again do not look as before" in warning for warning in mapped.warnings)
+
+
 @pytest.mark.slow
 def test_places_that_look_alike_close_no_loop() -> None:
-    """A comb of equal rooms along a corridor: each looks like the next, and odometry drifts by less than to that."""
-    rooms = [shapely.box(4.0 * k - 0.1, 1.5, 4.0 * k + 0.1, 5.0) for k in range(6)]
-    walls = (room(0.0, 0.0, 20.0, 5.0), *rooms)
-    doors = [shapely.box(4.0 * k + 1.5, 1.4, 4.0 * k + 2.5, 1.6) for k in range(5)]
-    front = shapely.difference(shapely.box(0.0, 1.4, 20.0, 1.6), shapely.union_all(doors))
-    poses = []
-    for k in range(5):
-        poses += [[4.0 * k + s, 0.7, 0.0] for s in (0.5, 1.0, 1.5)] + [
-            [4.0 * k + 2.0, 0.7, 0.25 * turn * math.pi] for turn in (0, 1, 2)
-        ]
-        poses += [[4.0 * k + 2.0, y, 0.5 * math.pi] for y in (1.2, 1.7, 2.2, 2.7)]
-        poses += [[4.0 * k + 2.0, y, -0.5 * math.pi] for y in (2.2, 1.7, 1.2, 0.7)] + [
-            [4.0 * k + 2.0, 0.7, -0.25 * math.pi]
-        ]
-        poses += [[4.0 * k + s, 0.7, 0.0] for s in (2.5, 3.0, 3.5, 4.0)]
-    true, rng = np.array(poses), np.random.default_rng(3)
-    seen = [cast((*walls, front), pose.tolist(), sigma_range=0.015, rng=rng, t=float(i)) for i, pose in enumerate(true)]
-    guess = [true[0]]
-    for step in between(true[:-1], true[1:]):
-        guess.append(compose(guess[-1], step * [1.03, 1.0, 1.0] + rng.normal(size=3) * [0.01, 0.01, 0.01]))
-    found = match_scans(seen, np.array(guess))
-    assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.6
+    """A comb of equal rooms along a corridor, there and back: each looks like the next, and odometry drifts as far."""
+    walls = (room(0.0, 0.0, 24.0, 5.0), *(shapely.box(4.0 * k - 0.1, 1.5, 4.0 * k + 0.1, 5.0) for k in range(7)))
+    doors = [shapely.box(4.0 * k + 1.5, 1.4, 4.0 * k + 2.5, 1.6) for k in range(6)]
+    front = shapely.difference(shapely.box(0.0, 1.4, 24.0, 1.6), shapely.union_all(doors))
+    poses, up = [], 0.5 * math.pi
+    for x in 4.0 * np.arange(6):
+        poses += [[x + s, 0.7, 0.0] for s in (0.5, 1.0, 1.5)] + [[x + 2.0, 0.7, turn] for turn in (0.0, 0.5 * up, up)]
+        poses += [[x + 2.0, y, up] for y in (1.2, 1.7, 2.2, 2.7)] + [[x + 2.0, y, -up] for y in (2.2, 1.7, 1.2, 0.7)]
+        poses += [[x + 2.0, 0.7, -0.5 * up]] + [[x + s, 0.7, 0.0] for s in (2.5, 3.0, 3.5)]
+    poses += [[23.5, 0.7, turn] for turn in (0.8, 1.6, 2.4, 3.14)]
+    true = np.array([*poses, *([x, 0.7, math.pi] for x in np.arange(23.0, 0.5, -0.5))])
+    rng = np.random.default_rng(1)
+    seen = [
+        cast((*walls, front), pose.tolist(), range_max=6.0, sigma_range=0.015, rng=rng, t=float(i))
+        for i, pose in enumerate(true)
+    ]
+    found = match_scans(seen, drifting(true, [0.05, 0.03, 0.05], rng, scale=1.08))
+    assert np.hypot(*(found.poses - true)[:, :2].T).max() < 1.0  # 4 m where the next room is taken for it
 
 
 @pytest.mark.slow

@@ -182,6 +182,8 @@ def _print_summary(mapped: MappedLog, found: dict[str, Any], written: list[Path 
         noise = "estimated from the log" if batch["fitted"] else "as stated"
         facts.append(("batch", f"all poses smoothed over {batch['readings']:,} readings; noise {noise}"))
     each = "-" if seconds["per_update"] is None else f"{1e3 * seconds['per_update']:.3g} ms"
+    if found["matching"] and found["matching"]["revisits"]:
+        facts.append(("revisits", _revisits_text(found["matching"]["revisits"])))
     facts += [
         ("time", f"{each} per {'update' if mapped.scans is None else 'scan'}, {seconds['total']:.2f} s in all"),
         ("obstacles", _counted(obstacles, "discs", "walls", "heaps", "unknown")),
@@ -216,3 +218,10 @@ def _poses_text(mapped: MappedLog, found: dict[str, Any]) -> str:
     names = ("outliers", "repeated", "ambiguous", "unidentified", "cut_short")
     ignored = _counted(found["counts"] or {}, *names)
     return f"{source}; {found['trajectory']['length']:,.1f} m driven" + (f"; {ignored}" if ignored else "")
+
+
+def _revisits_text(revisits: dict[str, Any]) -> str:
+    """Return how scans agree with what was seen of their places long before."""
+    if not revisits["scans"]:
+        return "none to judge the map by"
+    return f"nine scans in ten contradict what was seen there before with {revisits['off']:.0%} of their beams at most"

@@ -40,13 +40,9 @@ MAX_CELLS = 64_000_000  # Cells of a grid; each takes 12 bytes.
 class EvidenceGrid:
     """Hits and passes of beams, cell by cell: what a thing of the past leaves behind, later beams go through.
 
-    Attributes:
-        origin: x, y of the outer corner of cell (0, 0), metres.
-        cell: side of a cell, metres.
-        hits: shape (rows, columns), beams that ended in the cell; row 0 has the smallest y.
-        passes: shape (rows, columns), beams that went through it.
-        variance: shape (rows, columns), sum of the variances that the poses' errors gave the beams that ended in it,
-            square metres.
+    Arrays have the shape (rows, columns); row 0 has the smallest y. ``hits`` and ``passes`` count the beams that ended
+    in a cell and that went through it, ``variance`` sums the variances (square metres) that the poses' errors gave the
+    former.
 
     Args:
         bounds: xmin, ymin, xmax, ymax to cover, metres; the grid is rounded up to whole cells.
@@ -92,19 +88,11 @@ class EvidenceGrid:
             pose_sigma: standard deviation of the scanner's place along x and y each (metres) and of its heading
                 (radians).
         """
+        place, points = (np.ascontiguousarray(given, dtype=np.float64) for given in (start, ends))
         _trace(
-            self.hits,
-            self.passes,
-            self.variance,
-            *self.origin,
-            self.cell,
-            np.ascontiguousarray(start, dtype=np.float64),
-            np.ascontiguousarray(ends, dtype=np.float64),
-            np.ascontiguousarray(met, dtype=np.bool_),
-            float(margin),
-            pose_sigma[0] ** 2,
-            pose_sigma[1] ** 2,
-        )
+            self.hits, self.passes, self.variance, *self.origin, self.cell, place, points,
+            np.ascontiguousarray(met, dtype=np.bool_), float(margin), pose_sigma[0] ** 2, pose_sigma[1] ** 2,
+        )  # fmt: skip
 
     def occupied(self, min_hits: int = 2, share: float = 0.2) -> BoolArray:
         """Return the cells that at least so many beams met, and this share of those that came there."""

@@ -28,11 +28,14 @@ from trailmark.estimation.pose_graph import (
     KeyScans,
     LoopFinder,
     Relation,
+    Revisits,
+    judge_revisits,
     optimise,
     places_like,
     pose_covariances,
     relative_covariances,
     revisit_relations,
+    stretches_of,
 )
 from trailmark.estimation.records import Scan
 from trailmark.estimation.scan_matching import (
@@ -90,6 +93,7 @@ class ScanPoses(NamedTuple):
     # Scans before which odometry is missing or wrong, and that fit nowhere, or in several places: how what
     # follows lies beside what came before is not known.
     unplaced: tuple[int, ...] = ()
+    revisits: Revisits | None = None  # How the map agrees with itself where places were seen again.
 
 
 def match_scans(
@@ -338,27 +342,29 @@ class ScanSlam:
     def finish(self, odometry: FloatArray) -> ScanPoses:
         """Return the poses of all scans; more of them may be taken in afterwards as if nothing had been asked."""
         keys, s = copy(self._keys), self._s
-        keys.relations = list(keys.relations)
-        keys.poses, _ = optimise(keys.relations, keys.poses, OUTLIER_GATE)
-        held = len(keys.relations)
+        held, stretches = list(keys.relations), stretches_of(keys, s)
+        keys.poses, counts = optimise(held, keys.poses, OUTLIER_GATE)
+        # Loop closures were searched for. What revisits say begins with the poses as they are, and confirms any.
+        closures = [r for r, count in zip(held, counts, strict=True) if count and not r.certain]
+        unplaced = [
+            self._own[k]
+            for k in self._unplaced
+            if sum(min(r.a, r.b) < k <= max(r.a, r.b) for r in closures) < CONFIRMED
+        ]
         for _ in range(ROUNDS):
-            keys.relations[held:] = revisit_relations(keys, s)
+            revisits = revisit_relations(keys, s)
+            # A closure and a revisit of one scan to one place say the same.
+            again = {(stretches[r.a], r.b) for r in revisits}
+            keys.relations = [r for r in held if r.certain or (stretches[r.a], r.b) not in again] + revisits
             keys.poses, counts = optimise(keys.relations, keys.poses, OUTLIER_GATE)
         relations = [r for r, count in zip(keys.relations, counts, strict=True) if count]
         covariances = relative_covariances(relations, keys.poses)
         own = np.array([key for key, _ in self._scans])
         rejected = int((~counts).sum())
         poses = compose(keys.poses[own], np.array([pose for _, pose in self._scans]).reshape(-1, 3))
-        # Loop closures were searched for. What revisits say begins with the poses as they are, and confirms any.
-        closures = [r for r, count in zip(keys.relations[:held], counts[:held], strict=True) if count and not r.certain]
-        unplaced = [
-            self._own[k]
-            for k in self._unplaced
-            if sum(min(r.a, r.b) < k <= max(r.a, r.b) for r in closures) < CONFIRMED
-        ]
         return ScanPoses(
             poses, covariances[own], odometry, np.array(self._own), tuple(relations), self._closures, rejected,
-            tuple(self._relocated), tuple(unplaced),
+            tuple(self._relocated), tuple(unplaced), judge_revisits(keys, relations, s) if relations else None,
         )  # fmt: skip
 
     def _covariance_of(self, area: LocalMap, cloud: PointCloud, pose: FloatArray) -> FloatArray:

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 
 from trailmark.arguments import NonNegative, Numbers, Positive, Probability, checked_arguments, shaped
 from trailmark.errors import WorldError
@@ -25,11 +27,6 @@ from trailmark.estimation.scan_features import DiscTracks, LineTracks, find_feat
 from trailmark.se2 import FloatArray, configurations, difference, transform
 from trailmark.shapes import Disc, Rectangle, Shape
 from trailmark.world import ObstacleEstimate, Robot, World
-
-if TYPE_CHECKING:
-    from trailmark.estimation.grid import EvidenceGrid
-    from trailmark.estimation.scan_features import DiscTracks, LineTracks
-
 
 BoolArray = NDArray[np.bool_]
 
@@ -100,9 +97,8 @@ def wall_estimate(
     """Return a wall: a rectangle whose front is a stretch of an estimated line and that lies behind it.
 
     With n = (cos α, sin α) and t = (−sin α, cos α), the front is {ρ n + s t : span[0] <= s <= span[1]} and the wall
-    reaches from there along n: give the line by that of its two names whose normal points away from who saw it.
-    A change of ρ and α moves the front's middle, at s = m, along n by δρ − m·δα, and turns the wall by δα. Where
-    the wall ends is measured by the readings themselves, not by the line.
+    reaches from there along n, which points away from who saw it. A change of ρ and α moves the front's middle, at
+    s = m, along n by δρ − m·δα, and turns the wall by δα.
 
     Args:
         line: ρ (metres, of either sign) and α (radians), shape (2,).
@@ -149,15 +145,7 @@ class MapObstacles(NamedTuple):
 def find_obstacles(
     lines: LineTracks, discs: DiscTracks, grid: EvidenceGrid, x: FloatArray, s: MappingSettings
 ) -> MapObstacles:
-    """Return the obstacles that confirmed tracks and a grid come to.
-
-    Args:
-        lines: confirmed.
-        discs: confirmed.
-        grid: hits and passes.
-        x: where the robot was, shape (m, 3).
-        s: how to go about it.
-    """
+    """Return the obstacles that confirmed tracks and a grid come to; the robot was at poses x, shape (m, 3)."""
     occupied = grid.occupied()
     seen_free = (grid.passes > 0) & ~occupied
     if s.unknown == "blocked":
@@ -215,8 +203,6 @@ def _stretches(standing: BoolArray, passed: BoolArray, gap: int) -> list[tuple[i
 
 def _posts(tracks: DiscTracks, grid: EvidenceGrid, occupied: BoolArray) -> Sighted:
     """Return the discs that still stand and that no beam went through, each with its end points."""
-    from scipy import ndimage
-
     near, found = ndimage.binary_dilation(occupied), []
     passed = (grid.passes > 0) & ~occupied
     for at in range(len(tracks)):
@@ -241,16 +227,12 @@ def _share_inside(mask: BoolArray, disc: Disc, grid: EvidenceGrid) -> float:
 
 def _facing(found: Sighted, reached: BoolArray, grid: EvidenceGrid) -> Sighted:
     """Leave out what stands beyond the reach of the robot: the unknown that is blocked covers it."""
-    from scipy import ndimage
-
     near = ndimage.binary_dilation(reached, iterations=4)
     return [(estimate, points) for estimate, points in found if near[grid.cells(points)].mean() > 0.2]
 
 
 def _explained(occupied: BoolArray, shapes: Sequence[Shape], grid: EvidenceGrid) -> BoolArray:
     """Return which of the occupied cells belong to shapes."""
-    import shapely
-
     explained, reach = np.zeros_like(occupied), max(EXPLAINED, grid.cell)
     if shapes and occupied.any():
         tree = shapely.STRtree([shape.polygon(1e-2).shapely() for shape in shapes])
@@ -262,8 +244,6 @@ def _explained(occupied: BoolArray, shapes: Sequence[Shape], grid: EvidenceGrid)
 
 def _small_patches(unseen: BoolArray) -> BoolArray:
     """Return the cells of patches of so few cells that they count as free."""
-    from scipy import ndimage
-
     labels, count = ndimage.label(unseen)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     return np.asarray(unseen & (sizes[labels] <= MAX_UNKNOWN_CELLS))
@@ -271,8 +251,6 @@ def _small_patches(unseen: BoolArray) -> BoolArray:
 
 def _reached(free: BoolArray, grid: EvidenceGrid, x: FloatArray) -> BoolArray:
     """Return the free cells that are joined to where the robot was."""
-    from scipy import ndimage
-
     labels, _ = ndimage.label(free)
     own = np.unique(labels[grid.cells(x[:, :2])])
     return np.asarray(np.isin(labels, own[own > 0]))
@@ -282,8 +260,6 @@ def _cells(
     grid: EvidenceGrid, rest: BoolArray, explained: BoolArray, reached: BoolArray, s: MappingSettings
 ) -> tuple[list[ObstacleEstimate], list[Shape]]:
     """Return what cells must stand for: the occupied ones that nothing explains, and the unknown."""
-    from scipy import ndimage
-
     from trailmark.formats.grid import grid_polygons
 
     origin, unknown = (*grid.origin, 0.0), list[Shape]()
@@ -420,9 +396,6 @@ def _read(
     on_progress: Callable[[int, int], None] | None,
 ) -> tuple[EvidenceGrid, LineTracks, DiscTracks]:
     """Enter all scans in the grid and the tracks."""
-    from trailmark.estimation.grid import EvidenceGrid
-    from trailmark.estimation.scan_features import DiscTracks, LineTracks
-
     low, high = x[:, :2].min(axis=0), x[:, :2].max(axis=0)
     # Beams are worked out twice, not kept: a log may hold a million scans.
     for scan, pose in zip(scans, x, strict=True):

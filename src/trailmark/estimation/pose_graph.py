@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,6 +27,7 @@ from trailmark.estimation.scan_matching import (
     levels_for,
     local_map,
     match_covariance,
+    off_surfaces,
     refine,
     search,
     surface_cloud,
@@ -126,15 +127,7 @@ def optimise(relations: Sequence[Relation], poses: FloatArray, gate: float = 0.9
 
     Relations that are not certain may turn out to be wrong: graduated non-convexity (Yang et al. 2020, "Graduated
     non-convexity for robust spatial perception", truncated least squares) drops those whose residual is beyond
-    the ``gate`` quantile of chi-square.
-
-    Args:
-        relations: that join all poses.
-        poses: to begin with, shape (n, 3).
-        gate: probability with which a right relation counts.
-
-    Returns:
-        The poses, shape (n, 3), and a bool for each relation.
+    the ``gate`` quantile of chi-square. Poses to begin with have the shape (n, 3).
     """
     import gtsam
 
@@ -158,11 +151,7 @@ def optimise(relations: Sequence[Relation], poses: FloatArray, gate: float = 0.9
 
 
 def pose_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatArray:
-    """Return the covariance of each pose in the frame of the first one, shape (n, 3, 3), at an optimum.
-
-    Returns:
-        Of x, y and theta, in the world's axes.
-    """
+    """Return the covariance of each pose in the frame of the first one, shape (n, 3, 3), in the world's axes."""
     return _covariances(*_graph(relations, poses), rotations(poses[:, 2]))
 
 
@@ -229,23 +218,16 @@ def _poses_of(values: Any, n: int) -> FloatArray:
 class KeyScans:
     """Scans with their poses, in the order of time, and the relations between them.
 
-    Attributes:
-        clouds: of each, in the robot's frame.
-        poses: shape (n, 3).
-        travel: shape (n,), metres driven before each.
-        steps: shape (n, 3, 3), covariance of each pose beside the one before, in the world's axes.
-        relations: between them.
-
     Args:
         gap: metres between neighbouring end points of a surface from which on local maps have the line between them.
     """
 
     def __init__(self, gap: float) -> None:
         self._gap = gap
-        self.clouds: list[PointCloud] = []
+        self.clouds: list[PointCloud] = []  # of each, in the robot's frame
         self.poses = np.empty((0, 3))
-        self.travel = np.empty(0)
-        self.steps = np.empty((0, 3, 3))
+        self.travel = np.empty(0)  # metres driven before each
+        self.steps = np.empty((0, 3, 3))  # covariance of each pose beside the one before, in the world's axes
         self.relations: list[Relation] = []
 
     def __len__(self) -> int:
@@ -254,11 +236,7 @@ class KeyScans:
     def add(self, cloud: PointCloud, pose: FloatArray, step: FloatArray, gap: float = 0.0) -> None:
         """Add a scan after the others, ``gap`` metres further on than its place says.
 
-        Args:
-            cloud: in the robot's frame.
-            pose: shape (3,).
-            step: covariance of that beside the last scan's, shape (3, 3), in the world's axes.
-            gap: metres.
+        ``step`` is the covariance of its pose beside the last scan's, shape (3, 3), in the world's axes.
         """
         way = 0.0 if not self.clouds else self.travel[-1] + float(np.hypot(*(pose - self.poses[-1])[:2])) + gap
         self.clouds.append(cloud)
@@ -295,6 +273,11 @@ class KeyScans:
         beyond = np.where(step > middle, last - step + 1, step - first)  # scans that lie on its other side
         return np.asarray(np.einsum("n,nij->ij", beyond / len(chain), self.steps[step]))
 
+    def seen_by(self, chain: IntArray, cloud: PointCloud, pose: FloatArray) -> BoolArray:
+        """Return which of a cloud's points, at a pose, lie where the scans of a chain saw, shape (m,)."""
+        seen = [in_view(self.clouds[i], transformed(cloud, between(self.poses[i], pose)).points) for i in chain]
+        return np.asarray(np.any(seen, axis=0))
+
     def query(self, chosen: IntArray, frame: int) -> PointCloud:
         """Return what some scans show, in the frame of one of them, thinned."""
         cloud = joined([self.clouds[i] for i in chosen], between(self.poses[frame], self.poses[chosen]))
@@ -306,12 +289,7 @@ class KeyScans:
     def related(self, a: int, b: int, pose: FloatArray, covariance: FloatArray, *, certain: bool) -> Relation:
         """Return the relation that the pose of b, found in the world where a lies as it does now, stands for.
 
-        Args:
-            a: the scan that others are held by.
-            b: the one that was matched.
-            pose: of b, shape (3,).
-            covariance: of that pose, in the world's axes, shape (3, 3).
-            certain: see :class:`Relation`.
+        The covariance of that pose, shape (3, 3), is in the world's axes.
         """
         if not certain:
             covariance = covariance + np.diag([REVISITED[0] ** 2, REVISITED[0] ** 2, REVISITED[1] ** 2])
@@ -339,12 +317,19 @@ MAX_SHIFT = 0.3, np.radians(5.0)
 
 
 class LoopFinder:
-    """Finds loop closures scan by scan."""
+    """Finds loop closures scan by scan, by how errors grow along consecutive ones.
+
+    They add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
+    heading's rate times L³/3. The rates are those of the relations that are certain.
+    """
 
     def __init__(self, keys: KeyScans, settings: GraphSettings) -> None:
-        self._keys, self._s, self._drift = keys, settings, Drift(settings)
+        self._keys, self._s = keys, settings
         self._read = 0  # relations
         self._ends = np.empty((0, 2), dtype=np.intp)
+        self._length, self._errors = 1e-9, np.zeros(2)  # of relations that are certain: metres, variances added up
+        step = np.array([settings.key_distance, 0.0, 0.0])
+        self._open = min(OPEN, 4.0 * float(settings.odometry_noise(step)[0, 0]))
 
     def find(self, k: int) -> list[Relation]:
         """Return where scan k, with those just before it, surely lies in the maps of places that were seen before."""
@@ -355,15 +340,17 @@ class LoopFinder:
     def drifts(self, k: int) -> FloatArray:
         """Return how each scan is related to scan k: metres along relations, and what drifts on them, shape (n, 2)."""
         away = self._graph_distances(k)
-        return np.column_stack([away, self._drift.sigma(away)[0]])
+        return np.column_stack([away, self._sigma(away)[0]])
 
     def _graph_distances(self, k: int) -> FloatArray:
         """Return how many metres along relations each scan is away from scan k, shape (n,)."""
         keys, n = self._keys, len(self._keys)
         new = keys.relations[self._read :]
         self._read += len(new)
-        for relation in new:
-            self._drift.add(relation)
+        for relation in (relation for relation in new if relation.certain):
+            x, y, theta = np.diag(relation.covariance)
+            self._length += float(np.hypot(*relation.pose[:2]))
+            self._errors += 0.5 * (min(x, self._open) + min(y, self._open)), theta
         pairs = np.vstack([self._ends, *([relation.a, relation.b] for relation in new)])
         # Two relations of the same pair would count as one of their lengths' sum.
         _, one = np.unique(pairs[:, 0] * n + pairs[:, 1], return_index=True)
@@ -373,10 +360,15 @@ class LoopFinder:
         graph = coo_array((lengths, (a, b)), shape=(n, n)).tocsr()
         return np.asarray(dijkstra(graph, directed=False, indices=[k])[0])
 
+    def _sigma(self, distances: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""
+        place, heading = self._errors / self._length
+        return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)
+
     def _candidates(self, k: int, away: FloatArray) -> list[int]:
         """Return the nearest scan of each stretch of the drive that may have seen the same, the likeliest first."""
         keys, s = self._keys, self._s
-        sigma, _ = self._drift.sigma(away)
+        sigma, _ = self._sigma(away)
         apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
         possible = (away > 2.0 * s.local_length) & (apart <= s.loop_distance + np.minimum(2.0 * sigma, LOOP_WINDOW.xy))
         places = np.flatnonzero(possible)
@@ -393,8 +385,9 @@ class LoopFinder:
     def _match(self, k: int, place: int, away: float) -> Relation | None:
         """Return where scan k, with those just before it, lies in the map around a place; None if nowhere for sure."""
         keys, s = self._keys, self._s
-        query = keys.query(keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True), k)
-        sigma, sigma_theta = self._drift.sigma(np.array([away]))
+        recent = keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True)
+        query = keys.query(recent, k)
+        sigma, sigma_theta = self._sigma(np.array([away]))
         window = Window(
             float(np.clip(3.0 * sigma[0], 2.0 * WINDOW[0], LOOP_WINDOW.xy)),
             float(np.clip(3.0 * sigma_theta[0], WINDOW[1], LOOP_WINDOW.theta)),
@@ -412,47 +405,16 @@ class LoopFinder:
         apart = np.abs(between(near.pose, found.pose))
         if np.hypot(*apart[:2]) > ELSEWHERE.xy or apart[2] > ELSEWHERE.theta:
             # Where the graph has the scan, much of it may lie beyond what the map's scans saw.
-            known = near.score + UNSEEN * (1.0 - self._seen_share(query, near.pose, chain))
-            other = found.score + UNSEEN * (1.0 - self._seen_share(query, found.pose, chain))
+            unseen = [float((~keys.seen_by(chain, query, match.pose)).mean()) for match in (near, found)]
+            known, other = near.score + UNSEEN * unseen[0], found.score + UNSEEN * unseen[1]
             if known > LOOP_AMBIGUITY * other:
                 return None
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
         if is_open:
             return None
         # The errors inside the two maps that it joins.
-        recent = keys.chain(k, 0.5 * s.local_length, LOCAL_SCANS, before=True)
         covariance = covariance + keys.spread(recent, k) + keys.spread(chain, place)
         return keys.related(place, k, found.pose, covariance, certain=False)
-
-    def _seen_share(self, query: PointCloud, pose: FloatArray, chain: IntArray) -> float:
-        """Return the share of a cloud's points, at a pose, that lie where the scans of a chain saw."""
-        keys = self._keys
-        seen = [in_view(keys.clouds[i], transformed(query, between(keys.poses[i], pose)).points) for i in chain]
-        return float(np.any(seen, axis=0).mean())
-
-
-class Drift:
-    """How errors grow along consecutive scans.
-
-    They add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
-    heading's rate times L³/3. The rates are those of the relations that are certain.
-    """
-
-    def __init__(self, settings: GraphSettings) -> None:
-        self._length, self._place, self._heading = 1e-9, 0.0, 0.0
-        self._open = min(OPEN, 4.0 * float(settings.odometry_noise(np.array([settings.key_distance, 0.0, 0.0]))[0, 0]))
-
-    def add(self, relation: Relation) -> None:
-        """Count a relation, if it is certain."""
-        if relation.certain:
-            self._length += float(np.hypot(*relation.pose[:2]))
-            self._place += 0.5 * float(np.minimum(np.diag(relation.covariance)[:2], self._open).sum())
-            self._heading += float(relation.covariance[2, 2])
-
-    def sigma(self, distances: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""
-        place, heading = self._place / self._length, self._heading / self._length
-        return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)
 
 
 def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArray:
@@ -473,20 +435,55 @@ def places_like(scan: Scan, keys: KeyScans, settings: GraphSettings) -> FloatArr
     return np.array(found).reshape(-1, 3)
 
 
+def stretches_of(keys: KeyScans, settings: GraphSettings) -> IntArray:
+    """Return which stretch of the drive each scan belongs to, shape (n,)."""
+    return np.floor(keys.travel / (0.5 * settings.local_length)).astype(np.intp)
+
+
+class _Visit(NamedTuple):
+    """A stretch of the drive, and scans of later visits to it."""
+
+    own: IntArray  # Its scans.
+    chain: IntArray  # Those that its local map is made of.
+    area: LocalMap
+    later: list[int]
+
+
+def _visits(
+    keys: KeyScans, s: GraphSettings, low: float, high: float, without: Collection[tuple[int, int]] = ()
+) -> Iterator[_Visit]:
+    """Yield each stretch with the scans of later visits that were taken from ``low`` to ``high`` metres away.
+
+    Each scan is with the nearest stretches; pairs of stretch and scan that are in ``without`` are left out.
+    """
+    stretches = stretches_of(keys, s)
+    visitors: list[list[int]] = [[] for _ in range(stretches[-1] + 1)]
+    for k, cloud in enumerate(keys.clouds):
+        if len(cloud.points) < MIN_POINTS:
+            continue
+        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
+        # Of earlier visits alone: what each of two visits says of the other is the same.
+        near = np.flatnonzero((apart >= low) & (apart <= high) & (keys.travel[k] - keys.travel > s.local_length))
+        nearest = near[np.argsort(apart[near], kind="stable")]
+        _, first = np.unique(stretches[nearest], return_index=True)
+        for stretch in stretches[nearest[np.sort(first)[:MAX_VISITS]]].tolist():
+            if (stretch, k) not in without:
+                visitors[stretch].append(k)
+    for stretch, later in enumerate(visitors):
+        if later:
+            own = np.flatnonzero(stretches == stretch)
+            middle = int(own[len(own) // 2])
+            # One map for all scans that see this stretch.
+            chain = keys.chain(middle, 1.5 * s.local_length, LOCAL_SCANS)
+            area = keys.area(chain, keys.poses[middle], s.max_range + s.loop_distance, 0.0)
+            yield _Visit(own, chain, area, later)
+
+
 def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]:
     """Return where each scan lies in the maps of earlier visits to its place, from the poses that it has now."""
     s, found = settings, list[Relation]()
-    stretches = np.floor(keys.travel / (0.5 * s.local_length)).astype(np.intp)
-    visitors = _visitors(keys, stretches, s)
-    for stretch in np.unique(stretches):
-        if len(visitors[stretch]) == 0:
-            continue
-        own = np.flatnonzero(stretches == stretch)
-        middle = int(own[len(own) // 2])
-        # One map for all scans that see this stretch.
-        chain = keys.chain(middle, 1.5 * s.local_length, LOCAL_SCANS)
-        area = keys.area(chain, keys.poses[middle], s.max_range + s.loop_distance, 0.0)
-        for k in visitors[stretch]:
+    for own, chain, area, later in _visits(keys, s, 0.0, 0.5 * s.loop_distance):
+        for k in later:
             cloud = keys.clouds[k]
             match = refine(area, cloud, keys.poses[k])
             shift = between(keys.poses[k], match.pose)
@@ -499,17 +496,40 @@ def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]
     return found
 
 
-def _visitors(keys: KeyScans, stretches: IntArray, s: GraphSettings) -> list[list[int]]:
-    """Return for each stretch the scans of later visits that see it: each scan is in the lists of the nearest ones."""
-    visitors: list[list[int]] = [[] for _ in range(stretches[-1] + 1)]
-    for k, cloud in enumerate(keys.clouds):
-        if len(cloud.points) < MIN_POINTS:
-            continue
-        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
-        # Of earlier visits alone: what each of two visits says of the other is the same.
-        near = np.flatnonzero((apart <= 0.5 * s.loop_distance) & (keys.travel[k] - keys.travel > s.local_length))
-        nearest = near[np.argsort(apart[near], kind="stable")]
-        _, first = np.unique(stretches[nearest], return_index=True)
-        for at in np.sort(first)[:MAX_VISITS]:
-            visitors[stretches[nearest[at]]].append(k)
-    return visitors
+OFF = 0.25  # Metres from all surfaces that were seen before from which on an end point contradicts them.
+IN_VIEW = 0.5  # Share of a scan's end points, at least, that must lie where the earlier visit saw.
+
+
+class Revisits(NamedTuple):
+    """How scans agree with what was seen of their places long before, where no relation of the graph joins the two."""
+
+    scans: int  # Pairs of a scan and an earlier visit.
+    off: float | None  # Share of the end points that lie OFF what was seen before; at most that in nine of ten pairs.
+    worst: FloatArray | None  # Where most of them do, shape (2,).
+    chi_square: tuple[float | None, ...]  # Mean by its expectation, of consecutive scans and of closures.
+
+    def figures(self) -> dict[str, Any]:
+        """Return them as plain data that JSON can hold."""
+        steps, closures = self.chi_square
+        return {"scans": self.scans, "off": self.off, "chi_square": {"steps": steps, "closures": closures}}
+
+
+def judge_revisits(keys: KeyScans, relations: Sequence[Relation], settings: GraphSettings) -> Revisits:
+    """Return how right poses are by what did not make them; see :class:`Revisits`."""
+    s, stretches, shares, places = settings, stretches_of(keys, settings), list[float](), list[FloatArray]()
+    joined = {(int(stretches[r.a]), r.b) for r in relations}
+    # Farther apart than scans are matched, and where much of the same is still seen.
+    for _, chain, area, later in _visits(keys, s, 0.5 * s.loop_distance, s.loop_distance, joined):
+        for k in later:
+            seen = keys.seen_by(chain, keys.clouds[k], keys.poses[k])
+            if seen.mean() >= IN_VIEW:
+                points = transformed(keys.clouds[k], keys.poses[k]).points[seen]
+                shares.append(float((off_surfaces(area, points) > OFF).mean()))
+                places.append(keys.poses[k, :2])
+    a, b, sure = (np.array(column) for column in zip(*((r.a, r.b, r.certain) for r in relations), strict=True))
+    error = between(np.array([r.pose for r in relations]), between(keys.poses[a], keys.poses[b]))
+    squares = np.einsum("ni,nij,nj->n", error, np.linalg.inv([r.covariance for r in relations]), error) / 3.0
+    chi_square = tuple(float(squares[kind].mean()) if kind.any() else None for kind in (sure, ~sure))
+    if not shares:
+        return Revisits(0, None, None, chi_square)
+    return Revisits(len(shares), float(np.quantile(shares, 0.9)), places[int(np.argmax(shares))], chi_square)

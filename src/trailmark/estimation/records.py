@@ -21,35 +21,21 @@ FloatArray = NDArray[np.float64]
 
 
 class Odometry(NamedTuple):
-    """Velocities that hold from ``t`` until the next odometry record.
+    """Velocities that hold from ``t`` until the next odometry record."""
 
-    Attributes:
-        t: seconds.
-        v: forward speed, m/s.
-        omega: turning rate, rad/s.
-    """
-
-    t: float
-    v: float
-    omega: float
+    t: float  #: Seconds.
+    v: float  #: Forward speed, m/s.
+    omega: float  #: Turning rate, rad/s.
 
 
 class Increment(NamedTuple):
-    """A motion since the last increment, in the robot's frame before it.
+    """A motion since the last increment, in the robot's frame before it."""
 
-    Attributes:
-        t: seconds, at the end of the motion.
-        dx: metres, forward.
-        dy: metres, to the left.
-        dtheta: radians.
-        covariance: (3, 3) of (dx, dy, dtheta), or None.
-    """
-
-    t: float
-    dx: float
-    dy: float
-    dtheta: float
-    covariance: FloatArray | None = None
+    t: float  #: Seconds, at the end of the motion.
+    dx: float  #: Metres, forward.
+    dy: float  #: Metres, to the left.
+    dtheta: float  #: Radians.
+    covariance: FloatArray | None = None  #: (3, 3) of (dx, dy, dtheta), or None.
 
     @classmethod
     def between(cls, t: float, a: tuple[float, float, float], b: tuple[float, float, float]) -> Increment:
@@ -59,86 +45,52 @@ class Increment(NamedTuple):
 
 
 class Detection(NamedTuple):
-    """One feature seen from the robot.
+    """One feature seen from the robot."""
 
-    Attributes:
-        t: seconds.
-        z: (2,), range (metres) and bearing (radians), or x and y in the robot's frame (metres): see ``kind``.
-        kind: ``range-bearing`` or ``cartesian``.
-        identity: the feature's number if the sensor identifies it, else None.
-        covariance: (2, 2) of z, or None.
-    """
-
-    t: float
-    z: FloatArray
-    kind: str = "range-bearing"
-    identity: int | None = None
-    covariance: FloatArray | None = None
+    t: float  #: Seconds.
+    z: FloatArray  #: (2,), range (metres) and bearing (radians), or x and y in the robot's frame (metres).
+    kind: str = "range-bearing"  #: ``range-bearing`` or ``cartesian``.
+    identity: int | None = None  #: The feature's number if the sensor identifies it, else None.
+    covariance: FloatArray | None = None  #: (2, 2) of z, or None.
 
 
 class Scan(NamedTuple):
-    """One sweep of a laser scanner.
+    """One sweep of a laser scanner."""
 
-    Attributes:
-        t: seconds.
-        ranges: (n,), metres; infinite or from ``range_max`` on where nothing was met, NaN where the reading was lost.
-        angle_min: bearing of the first beam in the scanner's frame, radians.
-        angle_increment: from one beam to the next, radians.
-        range_max: metres; readings from there on say only that nothing was met before.
-        mount: the scanner's configuration (x, y, theta) in the robot's frame.
-        pose: the robot's configuration (x, y, theta) where the log states a corrected one, else None.
-    """
-
-    t: float
+    t: float  #: Seconds.
+    #: (n,), metres; infinite or from ``range_max`` on where nothing was met, NaN where the reading was lost.
     ranges: FloatArray
-    angle_min: float
-    angle_increment: float
-    range_max: float
-    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    pose: tuple[float, float, float] | None = None
+    angle_min: float  #: Bearing of the first beam in the scanner's frame, radians.
+    angle_increment: float  #: From one beam to the next, radians.
+    range_max: float  #: Metres; readings from there on say only that nothing was met before.
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: The scanner's x, y, theta in the robot's frame.
+    pose: tuple[float, float, float] | None = None  #: The robot's x, y, theta where the log states a corrected one.
 
 
 class Pose(NamedTuple):
-    """Where the robot was, by the log: ground truth, or the estimate of whoever wrote the log.
+    """Where the robot was, by the log: ground truth, or the estimate of whoever wrote the log."""
 
-    Attributes:
-        t: seconds.
-        x: metres.
-        y: metres.
-        theta: radians.
-        truth: whether it is ground truth (for evaluation, never used for estimates).
-    """
-
-    t: float
-    x: float
-    y: float
-    theta: float
-    truth: bool = False
+    t: float  #: Seconds.
+    x: float  #: Metres.
+    y: float  #: Metres.
+    theta: float  #: Radians.
+    truth: bool = False  #: Whether it is ground truth (for evaluation, never used for estimates).
 
 
 Record = Odometry | Increment | Detection | Scan | Pose
 
 
 class Log(NamedTuple):
-    """A whole log.
+    """A whole log."""
 
-    Attributes:
-        name: what reports call it.
-        records: in the order of the file.
-        landmarks: (m, 3) rows identity, x, y of surveyed features for evaluation; empty if the log has none.
-        dropped: how many bad records were left out (with ``skip_bad``).
-        notes: one sentence each on good records that the reader left out or changed, with their count.
-        cell: side of the cells of the map by which a robot explored as it took the scans, metres; None if not stated.
-        whole: whether each increment holds all that was driven since the one before, as differences of poses do.
-    """
-
-    name: str
-    records: tuple[Record, ...]
-    landmarks: FloatArray
-    dropped: int = 0
-    notes: tuple[str, ...] = ()
+    name: str  #: What reports call it.
+    records: tuple[Record, ...]  #: In the order of the file.
+    landmarks: FloatArray  #: (m, 3) rows identity, x, y of surveyed features for evaluation.
+    dropped: int = 0  #: How many bad records were left out (with ``skip_bad``).
+    notes: tuple[str, ...] = ()  #: One sentence each on good records that were left out or changed, with their count.
+    #: Side of the cells of the map by which a robot explored as it took the scans, metres; None if not stated.
     cell: float | None = None
-    whole: bool = False
+    whole: bool = False  #: Whether each increment holds all that was driven since the one before.
 
 
 def first_pose(records: Sequence[Record]) -> tuple[float, float, float] | None:

@@ -66,9 +66,6 @@ def grow(
         reach: metres that a radian moves a point of the robot, ``Robot.sweep_radius``.
         sides: of the polygon for an ellipse, >= 4.
 
-    Returns:
-        A Disc or Polygon, or ``estimate.mean``.
-
     Raises:
         EstimationError: a value out of these ranges.
     """
@@ -78,25 +75,16 @@ def grow(
 
 
 class Spread(NamedTuple):
-    """How an obstacle's vertices move with the errors ξ of its k numbers and of the robot's pose.
-
-    Attributes:
-        mean: the obstacle's mean shape.
-        points: shape (m, 2): its vertices, or a disc's centre.
-        covariance: shape (m, 2, 2): that of each vertex, dilations included.
-        turn: standard deviation of the obstacle's heading, radians.
-        arms: shape (m,), metres from the centre of turning to each vertex.
-        stretch: standard deviation of half the diagonal, metres.
-        freedom: degrees of freedom of what ξ does to the obstacle relative to the robot: the rank of the covariance of
-            relative displacement, turn, change of size and dilations. A robot's displacement adds none.
-    """
+    """How an obstacle's vertices move with the errors ξ of its k numbers and of the robot's pose."""
 
     mean: Shape
-    points: FloatArray
-    covariance: FloatArray
-    turn: float
-    arms: FloatArray
-    stretch: float
+    points: FloatArray  # Shape (m, 2): its vertices, or a disc's centre.
+    covariance: FloatArray  # Shape (m, 2, 2): that of each vertex, dilations included.
+    turn: float  # Standard deviation of the obstacle's heading, radians.
+    arms: FloatArray  # Shape (m,), metres from the centre of turning to each vertex.
+    stretch: float  # Standard deviation of half the diagonal, metres.
+    # Degrees of freedom of what ξ does to the obstacle relative to the robot: the rank of the covariance of relative
+    # displacement, turn, change of size and dilations. A robot's displacement adds none.
     freedom: int
 
     @classmethod
@@ -172,16 +160,12 @@ class Spread(NamedTuple):
 
 
 def _hull(points: FloatArray) -> Polygon:
-    import shapely
-
     hull = shapely.convex_hull(shapely.multipoints(points.reshape(-1, 2)))
     return Polygon(shapely.get_coordinates(hull.exterior))
 
 
 def _outlined(shape: Polygon, clouds: FloatArray) -> Polygon:
     """Return the shape together with what its edges sweep: a moved shape sweeps nothing but with its edges."""
-    import shapely
-
     # Relative to a vertex: overlays round, and may snap, by shares of their coordinates.
     origin = shape.vertices[0]
     pieces, first = [shapely.transform(shape.shapely(), lambda points: points - origin)], 0
@@ -251,8 +235,6 @@ def _roots(matrices: FloatArray) -> FloatArray:
 
 
 def _convex(shape: Shape) -> bool:
-    import shapely
-
     return not isinstance(shape, Polygon) or shapely.area(_hull(shape.vertices).shapely()) <= shape.area * (1.0 + 1e-12)
 
 
@@ -369,8 +351,6 @@ def swept_region(robot: Robot, states: ArrayLike, *, turn: float = 0.02) -> Any:
         turn: radians: motions are cut into pieces that turn by no more. The region reaches at most R·turn beyond
             the truth, R the robot's circumradius, and for a disc its outline's 1 mm.
     """
-    import shapely
-
     q = np.atleast_2d(np.array(states, dtype=np.float64))
     # Relative to where it begins: overlays round, and may snap, by shares of their coordinates.
     origin = q[0, :2].copy()
@@ -401,15 +381,10 @@ ROUNDING = 1e-6  # Metres by which distances may be rounded, far from the origin
 
 
 class PathRisk(NamedTuple):
-    """How often drawn obstacles meet a path.
+    """How often drawn obstacles meet a path."""
 
-    Attributes:
-        hits: draws that meet the path, of all obstacles together.
-        draws: of each obstacle.
-    """
-
-    hits: int
-    draws: int
+    hits: int  #: Draws that meet the path, of all obstacles together.
+    draws: int  #: Of each obstacle.
 
     @property
     def probability(self) -> float:
@@ -452,39 +427,34 @@ def path_risk(
     """
     if world.robot is None:
         raise EstimationError("path_risk: expected a world with a robot, got one without")
-    region = swept_region(world.robot, states)
+    region, reach = swept_region(world.robot, states), world.robot.sweep_radius
     shapely.prepare(region)
-    hits = 0
-    for index, estimate in enumerate(world.estimates):
-        if estimate is not None:
-            rng = np.random.default_rng([seed, index])
-            hits += _hits(estimate, region, margin, world.risk, world.robot.sweep_radius, draws, rng)
-    return PathRisk(hits, draws)
+    stated = None if world.risk is None else world.risk.pose_covariance
+    pose = np.zeros((3, 3)) if stated is None else stated
+    hits = (
+        _hits(estimate, region, margin, pose, reach, draws, [seed, index])
+        for index, estimate in enumerate(world.estimates)
+        if estimate is not None
+    )
+    return PathRisk(sum(hits), draws)
 
 
 def _hits(
-    estimate: ObstacleEstimate,
-    region: Any,
-    margin: float,
-    bound: RiskBound | None,
-    sweep_radius: float,
-    draws: int,
-    rng: np.random.Generator,
+    estimate: ObstacleEstimate, region: Any, margin: float, pose: FloatArray, reach: float, draws: int, seed: list[int]
 ) -> int:
-    """Return in how many draws of an obstacle, and of the robot's pose, the two meet."""
-    shape, k = estimate.mean, len(estimate.covariance)
-    pose = np.zeros((3, 3)) if bound is None or bound.pose_covariance is None else bound.pose_covariance
+    """Return in how many draws of an obstacle, and of the robot's pose with a covariance, the two meet."""
+    shape, k, rng = estimate.mean, len(estimate.covariance), np.random.default_rng(seed)
     gap = float(shapely.distance(region, shape.polygon().shapely())) - margin
     spread = math.sqrt(np.linalg.eigvalsh(estimate.covariance)[-1])
     spread *= 1.5 + (0.0 if isinstance(shape, Disc) else _arm(shape))
-    if gap > FAR * (spread + math.sqrt(np.linalg.eigvalsh(pose)[-1]) * (1.0 + sweep_radius)):
+    if gap > FAR * (spread + math.sqrt(np.linalg.eigvalsh(pose)[-1]) * (1.0 + reach)):
         return 0
     errors = rng.multivariate_normal(np.zeros(k), estimate.covariance, draws, method="eigh")
     robot = rng.multivariate_normal(np.zeros(3), pose, draws, method="eigh")
     # Relative to the robot's idea of itself the obstacle is displaced the other way. A turn of the robot about its
     # reference point moves no point of it by more than this.
     errors[:, :2] -= robot[:, :2]
-    beyond = margin + sweep_radius * np.abs(robot[:, 2])
+    beyond = margin + reach * np.abs(robot[:, 2])
     # Most draws leave the obstacle so near to where it was estimated that it cannot meet the path.
     near = gap + margin <= _displacements(shape, errors) + beyond
     errors, beyond = errors[near], beyond[near]
@@ -526,11 +496,8 @@ def _drawn(shape: Rectangle | Polygon, errors: FloatArray) -> Any:
     else:
         centre = shape.vertices.mean(axis=0)
         rings = [np.broadcast_to(ring - centre, (len(errors), *ring.shape)) for ring in (shape.vertices, *shape.holes)]
-    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-    placed = []
-    for ring in rings:
-        x, y = ring[..., 0], ring[..., 1]
-        moved = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-        placed.append(shapely.linearrings(centre + errors[:, None, :2] + moved))
+    c, s = np.cos(turn), np.sin(turn)
+    back = np.array([[c, s], [-s, c]]).transpose(2, 0, 1)  # rows times it are turned
+    placed = [shapely.linearrings(centre + errors[:, None, :2] + ring @ back) for ring in rings]
     holes = np.stack(placed[1:], axis=-1) if len(placed) > 1 else None
     return shapely.polygons(placed[0], holes=holes)

@@ -202,7 +202,6 @@ class ScanPoints(NamedTuple):
     beams: IntArray  # Shape (n,), which beams these are.
     origin: FloatArray  # Where the scanner is, shape (2,).
     step: float  # Radians from beam to beam, positive.
-    closed: bool  # Whether the last beam is the first one's neighbour.
 
 
 class ScanFeatures(NamedTuple):
@@ -228,8 +227,7 @@ def scan_points(scan: Scan, settings: ScanSettings) -> ScanPoints:
     across = np.column_stack([-along[:, 1], along[:, 0]])
     covariances = settings.sigma_range**2 * along[:, :, None] * along[:, None]
     covariances += ((settings.sigma_bearing * r) ** 2)[:, None, None] * across[:, :, None] * across[:, None]
-    step = abs(scan.angle_increment)
-    return ScanPoints(points, covariances, r, beams, mount[:2], step, len(ranges) * step > 2.0 * math.pi - 0.5 * step)
+    return ScanPoints(points, covariances, r, beams, mount[:2], abs(scan.angle_increment))
 
 
 def jump_groups(hits: ScanPoints, settings: ScanSettings) -> list[IntArray]:
@@ -239,26 +237,14 @@ def jump_groups(hits: ScanPoints, settings: ScanSettings) -> list[IntArray]:
     (the adaptive breakpoint detector of Borges & Aldon 2004, Journal of Intelligent and Robotic Systems 40), or than
     3σ_r where so many beams in between met nothing that Δφ comes near λ.
     """
-    n = len(hits.points)
-    if n == 0:
+    if len(hits.points) == 0:
         return []
-    following = np.roll(np.arange(n), -1)
-    gap = np.hypot(*(hits.points[following] - hits.points).T)
-    angle = (hits.beams[following] - hits.beams) * hits.step
-    angle[-1] = math.inf if not hits.closed else wrap(float(angle[-1]))
-    grazing = np.minimum(np.abs(angle), INCIDENCE)
-    reach = np.divide(
-        np.minimum(hits.ranges, hits.ranges[following]) * np.sin(grazing),
-        np.sin(INCIDENCE - grazing),
-        out=np.zeros(n),
-        where=grazing < 0.9 * INCIDENCE,
-    )
-    ends = np.flatnonzero((gap > reach + 3.0 * settings.sigma_range) | ~np.isfinite(angle))
-    if len(ends) == 0:
-        return [np.arange(n)]
-    # From behind one break to the next; in a closed sweep the last group goes on at the beginning.
-    order = np.roll(np.arange(n), -(int(ends[-1]) + 1))
-    return np.split(order, (ends[:-1] - int(ends[-1])) % n)
+    gap, angle = np.hypot(*np.diff(hits.points, axis=0).T), np.diff(hits.beams) * hits.step
+    grazing = np.minimum(angle, 0.9 * INCIDENCE)
+    near = np.minimum(hits.ranges[:-1], hits.ranges[1:])
+    reach = np.where(angle < 0.9 * INCIDENCE, near * np.sin(grazing) / np.sin(INCIDENCE - grazing), 0.0)
+    ends = np.flatnonzero(gap > reach + 3.0 * settings.sigma_range) + 1
+    return np.split(np.arange(len(hits.points)), ends)
 
 
 def split_and_merge(points: ArrayLike, threshold: float) -> list[IntArray]:
@@ -386,25 +372,18 @@ class Observation(NamedTuple):
 class Tracks(ABC):
     """Features of one kind.
 
-    Attributes:
-        states: shape (n, d).
-        P: shape (n, d, d), covariances as the filter has them.
-        scans: shape (n,), how many scans showed each.
-        readings: of each, the end points of its scans, arrays of shape (m, 2), thinned where they are very many.
-        sightings: shape (n,), how many features of scans make up each.
-        pose_covariance: of the scan that observations are made of next, shape (3, 3).
-
     Args:
-        dim: d.
+        dim: numbers of a feature, d.
         gate: probability with which a reading of a feature passes its gate.
-        pose_covariance: shape (3, 3), of x, y, theta.
+        pose_covariance: of the scan that observations are made of next, shape (3, 3).
     """
 
     def __init__(self, dim: int, gate: float, pose_covariance: FloatArray) -> None:
         self.states = np.empty((0, dim))
-        self.P = np.empty((0, dim, dim))
-        self.scans = np.empty(0, dtype=np.intp)
-        self.sightings = np.empty(0, dtype=np.intp)
+        self.P = np.empty((0, dim, dim))  # covariances as the filter has them
+        self.scans = np.empty(0, dtype=np.intp)  # how many scans showed each
+        self.sightings = np.empty(0, dtype=np.intp)  # how many features of scans make up each
+        # Of each, the end points of its scans, arrays of shape (m, 2), thinned where they are very many.
         self.readings: list[list[FloatArray]] = []
         self._pose_part = np.empty((0, dim, dim))
         self._gate = float(chi_square_quantile(gate, dim))
@@ -504,12 +483,7 @@ class Tracks(ABC):
 class LineTracks(Tracks):
     """Lines (ρ, α) of the world, each seen from the side that its normal points away from; d = 2.
 
-    The two faces of a thin wall are two lines, and so are two stretches of one line with a wide gap between them.
-
-    Args:
-        gate: see :class:`Tracks`.
-        pose_covariance: see :class:`Tracks`.
-        gap: metres that a stretch may be away from a line's other stretches and still belong to it.
+    The two faces of a thin wall are two lines, and so are two stretches of one line more than ``gap`` metres apart.
     """
 
     def __init__(self, gate: float, pose_covariance: FloatArray, gap: float) -> None:

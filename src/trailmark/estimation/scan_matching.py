@@ -235,6 +235,23 @@ def _grids(points, x0, y0, rows, columns, levels):  # type: ignore[no-untyped-de
     return nearest, likelihood
 
 
+def off_surfaces(area: LocalMap, points: FloatArray) -> FloatArray:
+    """Return how far points, shape (n, 2), lie from the nearest of a map's, shape (n,), metres; infinite over REACH."""
+    inside, row, column = _cells_of(area, points)
+    away = np.full(len(points), np.inf)
+    at = area.nearest[row, column]
+    away[inside] = np.where(at >= 0, np.hypot(*(points[inside] - area.points[at]).T), np.inf)
+    return away
+
+
+def _cells_of(area: LocalMap, points: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.intp], NDArray[np.intp]]:
+    """Return which points, shape (n, 2), lie in a map's grid, and the rows and columns of those."""
+    column, row = np.floor((points - [area.x0, area.y0]) / area.cell).astype(np.intp).T
+    rows, columns = area.nearest.shape
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    return inside, row[inside], column[inside]
+
+
 def in_view(cloud: PointCloud, points: FloatArray) -> NDArray[np.bool_]:
     """Return which points lie where a scan's beams passed, or at the surfaces that they met, shape (n,).
 
@@ -304,17 +321,9 @@ def facing_score(area: LocalMap, cloud: PointCloud, pose: FloatArray) -> float:
 
     The faces of a thin wall lie a wall's thickness apart: points of the one do not lie on the other, however near, and
     none is seen from behind.
-
-    Args:
-        area: the map.
-        cloud: in the frame at the pose, one point or more.
-        pose: shape (3,).
     """
     points, normals, _ = transformed(cloud, pose)
-    column, row = np.floor((points - [area.x0, area.y0]) / area.cell).astype(np.intp).T
-    rows, columns = area.nearest.shape
-    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    row, column = row[inside], column[inside]
+    inside, row, column = _cells_of(area, points)
     across, own, ray = area.normals[area.nearest[row, column]], normals[inside], points[inside] - pose[:2]
     seen = (across * ray).sum(axis=1) <= 0.0
     same = np.where(own.any(axis=1), (across * own).sum(axis=1) >= FACING, seen) | ~across.any(axis=1)
@@ -326,14 +335,7 @@ def refine_by_faces(
 ) -> Match:
     """Return the pose near ``start``, unless the cloud's surfaces face as the map's do near the guess alone.
 
-    A search asks how near points come to surfaces, not how these face.
-
-    Args:
-        area: the map.
-        cloud: in the frame at the pose, one point or more.
-        start: from where on, shape (3,).
-        guess: what is known beforehand, shape (3,).
-        information: inverse covariance of the guess, shape (3, 3).
+    A search asks how near points come to surfaces, not how these face; see :func:`refine`.
     """
     match = refine(area, cloud, start, information=information, guess=guess)
     facing = facing_score(area, cloud, match.pose)

@@ -2,8 +2,7 @@
 """A robot driven through a world, with noisy odometry and noisy sensors: a log, and the truth.
 
 What is simulated is exactly what the filters assume, so that they can be tested: noise is white and Gaussian, drawn
-from the very models (:mod:`trailmark.estimation.models`, :mod:`trailmark.estimation.models`) that a
-filter is given.
+from the very models (:mod:`trailmark.estimation.models`) that a filter is given.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.models import PoseIncrement, Unicycle
 from trailmark.estimation.records import Increment, Log, Odometry, Pose, Record
 from trailmark.estimation.virtual_sensors import Detector, RayCaster, Scanner
-from trailmark.se2 import FloatArray, compose, wrap
+from trailmark.se2 import FloatArray, between, compose
 from trailmark.world import World
 
 if TYPE_CHECKING:
@@ -47,12 +46,12 @@ class _Piece(NamedTuple):
 
 
 class Drive:
-    """A drive: constant velocities, piece by piece.
+    """A drive: constant velocities, piece by piece; ``times``, shape (k + 1,), are when they begin and the last ends.
 
     A robot that can move in every direction (``holonomic``) follows the configurations as a planner means them: x and
     y linearly, theta along the shorter arc. A unicycle drives an arc from one configuration to the next where one arc,
-    forward or backward, joins them (which includes going straight and turning on the spot); elsewhere it turns on the
-    spot, goes straight (backward if that takes less turning), and turns again.
+    forward or backward, joins them; elsewhere it turns on the spot, goes straight (backward if that takes less
+    turning), and turns again.
 
     Args:
         states: configurations x, y, theta, shape (n, 3), n >= 1, each of which is reached; or waypoints x, y, shape
@@ -60,9 +59,6 @@ class Drive:
         speed: metres per second; the robot is as fast as that or as ``turn_rate`` allows.
         turn_rate: radians per second.
         holonomic: whether the robot can move in every direction.
-
-    Attributes:
-        times: when the pieces begin, and when the last one ends, shape (k + 1,), seconds from 0.
     """
 
     @checked_arguments(EstimationError)
@@ -77,10 +73,10 @@ class Drive:
             elif headings:
                 self._reach(target)
             else:
-                ahead, _ = _seen(self._here, target)
-                if np.hypot(*ahead) > _SAME:
-                    self._arc(0.0, math.atan2(ahead[1], ahead[0]))
-                    self._arc(math.hypot(*ahead), 0.0)
+                x, y, _ = between(self._here, target).tolist()
+                if math.hypot(x, y) > _SAME:
+                    self._arc(0.0, math.atan2(y, x))
+                    self._arc(math.hypot(x, y), 0.0)
         self.times: FloatArray = np.concatenate([[0.0], np.cumsum([piece.duration for piece in self._pieces])])
 
     def poses(self, times: ArrayLike) -> FloatArray:
@@ -101,12 +97,11 @@ class Drive:
 
     def _reach(self, target: FloatArray) -> None:
         """Drive to a configuration as a unicycle."""
-        ahead, turn = _seen(self._here, target)
-        away = math.hypot(*ahead)
+        x, y, turn = between(self._here, target).tolist()
+        away, alpha = math.hypot(x, y), math.atan2(y, x)
         if away <= _SAME:
             self._arc(0.0, turn)
             return
-        alpha = math.atan2(ahead[1], ahead[0])
         back = float(se2.wrap(alpha + math.pi))
         for sign, half in ((1.0, alpha), (-1.0, back)):
             # A chord leaves its arc by half of the arc's turn.
@@ -117,14 +112,14 @@ class Drive:
         sign, first = (1.0, alpha) if forward <= backward else (-1.0, back)
         self._arc(0.0, first)
         self._arc(sign * away, 0.0)
-        self._arc(0.0, _seen(self._here, target)[1])
+        self._arc(0.0, float(between(self._here, target)[2]))
 
     def _arc(self, length: float, turn: float) -> None:
         self._add(_ARC.f(self._here, (length, turn, 1.0)), length, turn, holonomic=False)
 
     def _shift(self, target: FloatArray) -> None:
-        ahead, turn = _seen(self._here, target)
-        self._add(target, math.hypot(*ahead), turn, holonomic=True)
+        x, y, turn = between(self._here, target).tolist()
+        self._add(target, math.hypot(x, y), turn, holonomic=True)
 
     def _add(self, end: FloatArray, length: float, turn: float, *, holonomic: bool) -> None:
         """Add a motion that is as fast as speed and turning rate allow."""
@@ -147,12 +142,6 @@ def _states(states: ArrayLike) -> tuple[FloatArray, bool]:
     moves = moves[np.hypot(moves[:, 0], moves[:, 1]) > _SAME]
     heading = float(np.arctan2(moves[0, 1], moves[0, 0])) if len(moves) else 0.0
     return np.column_stack([given, np.full(len(given), heading)]), False
-
-
-def _seen(a: FloatArray, b: FloatArray) -> tuple[FloatArray, float]:
-    """Return b's place in a's frame, shape (2,), and the turn from a to b."""
-    cos, sin, dx, dy = math.cos(a[2]), math.sin(a[2]), b[0] - a[0], b[1] - a[1]
-    return np.array([cos * dx + sin * dy, cos * dy - sin * dx]), float(se2.wrap(b[2] - a[2]))
 
 
 def _along(piece: _Piece, s: FloatArray) -> FloatArray:
@@ -259,10 +248,7 @@ def _increments(
 ) -> list[Increment]:
     """Return a record at the end of each step."""
     records = []
-    cos, sin = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])
-    dx, dy, dtheta = np.diff(poses, axis=0).T
-    steps = np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, np.asarray(wrap(dtheta))])
-    for t, u in zip(times[1:].tolist(), steps, strict=True):
+    for t, u in zip(times[1:].tolist(), between(poses[:-1], poses[1:]), strict=True):
         Q = motion.Q(u)
         x, y, theta = (u - np.sqrt(np.diag(Q)) * rng.standard_normal(3)).tolist()
         records.append(Increment(t, x, y, theta, Q))

@@ -1,4 +1,3 @@
-# the names are those of the literature: x, P, F, W, Q, H, R, S, K
 """Simulated sensors: a detector of point-like discs, a laser scanner, and readings of obstacles' outlines."""
 
 from __future__ import annotations
@@ -155,28 +154,18 @@ class Detector:
     A disc is seen if its centre lies within range and field of view, and the line of sight meets no other obstacle, no
     bound and no boundary before the disc itself.
 
-    Attributes:
-        model: its noise.
-        max_range: metres.
-        field_of_view: radians, centred ahead.
-        period: seconds from one sweep to the next, the first at the start.
-        identities: whether it identifies the disc that it reads (the obstacle's index in the world).
-        max_radius: metres; larger discs are no point features.
-        detection_rate: chance that a disc that is seen is read in a sweep, 0..1.
-        false_alarms: mean number of readings of nothing in a sweep (Poisson), spread evenly over the area in view;
-            they have no identity.
-
     Raises:
         EstimationError: a value out of range.
     """
 
-    model: RangeBearing
-    max_range: Positive = 10.0
-    field_of_view: Angle = 2.0 * math.pi
-    period: Positive = 0.5
-    identities: bool = True
-    max_radius: PositiveOrInfinite = math.inf
-    detection_rate: Share = 1.0
+    model: RangeBearing  #: Its noise.
+    max_range: Positive = 10.0  #: Metres.
+    field_of_view: Angle = 2.0 * math.pi  #: Radians, centred ahead.
+    period: Positive = 0.5  #: Seconds from one sweep to the next, the first at the start.
+    identities: bool = True  #: Whether it identifies the disc that it reads (the obstacle's index in the world).
+    max_radius: PositiveOrInfinite = math.inf  #: Metres; larger discs are no point features.
+    detection_rate: Share = 1.0  #: Chance that a disc that is seen is read in a sweep.
+    #: Mean number of readings of nothing in a sweep (Poisson), spread evenly over the area in view, without identity.
     false_alarms: NonNegative = 0.0
 
     def __post_init__(self) -> None:
@@ -194,15 +183,7 @@ class Detector:
     def sweep(
         self, t: float, pose: FloatArray, features: FloatArray, caster: RayCaster, rng: np.random.Generator
     ) -> list[Detection]:
-        """Return what it reads from a pose: discs in the order of the world, then false alarms.
-
-        Args:
-            t: seconds.
-            pose: x, y, theta.
-            features: as :meth:`features` gives them.
-            caster: the world, its bounds included.
-            rng: the noise's source.
-        """
+        """Return what it reads from a pose (x, y, theta) at t: discs in the order of the world, then false alarms."""
         dx, dy = features[:, 1] - pose[0], features[:, 2] - pose[1]
         away, bearing = np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - pose[2]))
         near = (away <= self.max_range) & (np.abs(bearing) <= 0.5 * self.field_of_view)
@@ -229,28 +210,19 @@ class Detector:
 class Scanner:
     """A laser scanner.
 
-    Attributes:
-        beams: how many, evenly spread over the field of view, its two ends included (one end for a full circle).
-        field_of_view: radians, centred on the scanner's heading.
-        max_range: metres; a beam that meets nothing within reads infinity.
-        sigma: standard deviation of a reading, metres.
-        period: seconds from one sweep to the next, the first at the start.
-        drop_out: chance that a reading is lost (NaN), 0..1.
-        mount: its configuration x, y, theta in the robot's frame.
-        bounds: whether the world's bounds are walls that it sees; its boundary always is.
-
     Raises:
         EstimationError: a value out of range.
     """
 
+    #: Evenly spread over the field of view, its two ends included (one end for a full circle).
     beams: Count = 181
-    field_of_view: Angle = math.pi
-    max_range: Positive = 10.0
-    sigma: NonNegative = 0.01
-    period: Positive = 0.5
-    drop_out: Share = 0.0
-    mount: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
-    bounds: bool = True
+    field_of_view: Angle = math.pi  #: Radians, centred on the scanner's heading.
+    max_range: Positive = 10.0  #: Metres; a beam that meets nothing within reads infinity.
+    sigma: NonNegative = 0.01  #: Standard deviation of a reading, metres.
+    period: Positive = 0.5  #: Seconds from one sweep to the next, the first at the start.
+    drop_out: Share = 0.0  #: Chance that a reading is lost (NaN).
+    mount: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)  #: Its x, y, theta in the robot's frame.
+    bounds: bool = True  #: Whether the world's bounds are walls that it sees; its boundary always is.
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)
@@ -267,14 +239,7 @@ class Scanner:
         return -0.5 * self.field_of_view if self.beams > 1 else 0.0
 
     def sweep(self, t: float, pose: FloatArray, caster: RayCaster, rng: np.random.Generator) -> Scan:
-        """Return what it reads from a pose.
-
-        Args:
-            t: seconds.
-            pose: the robot's x, y, theta.
-            caster: the world.
-            rng: the noise's source.
-        """
+        """Return what it reads at t, the robot at a pose (x, y, theta)."""
         own = compose(pose, np.array(self.mount))
         angles = own[2] + self.angle_min + self.angle_increment * np.arange(self.beams)
         ranges = caster.distances(own[:2], angles, self.max_range)
@@ -288,10 +253,8 @@ def _reading(z: FloatArray) -> FloatArray:
     return np.array([max(z[0], 0.0), wrap(z[1])])
 
 
-BoolArray = NDArray[np.bool_]
-
 OUTLINE = 1e-3  # Metres: how far a disc's outline, as a polygon, may reach beyond the disc.
-STAND_OFF = 1e-6  # Metres: a line of sight ends this far before its point, which lies on an obstacle itself.
+SEEN = 1e-6  # Metres before a point, which lies on an obstacle itself, from which on its line of sight may end.
 
 
 @checked_arguments(EstimationError)
@@ -307,13 +270,11 @@ def sense_obstacles(
 ) -> list[FloatArray]:
     """Return the refined readings of each obstacle, an array of shape (r, 2) per obstacle of the world.
 
-    A robot at known poses takes noisy readings of points on the obstacles' outlines. The points of an obstacle are
-    spread evenly along its outer outline from a random place on, and its leftmost, rightmost, lowest and highest
-    points are among them, since those make the box of Algorithm 2. A point is read where it is seen: within the
-    sensor's range of a pose, and no obstacle nor the world's boundary in between. Each point that some pose sees
-    gets ``readings_per_point`` readings from poses drawn at random (with repetition) from those that see it, and
-    the EKF (:func:`refine_points`) makes one refined reading of them. So r is at most ``points_per_obstacle`` + 4,
-    and 0 for an obstacle that no pose sees.
+    A robot at known poses takes noisy readings of points on the obstacles' outlines: of points spread evenly along each
+    from a random place on, and of its leftmost, rightmost, lowest and highest ones, which make the box of Algorithm 2.
+    A point is read where it is seen, from poses drawn (with repetition) from those that see it, and the EKF
+    (:func:`refine_points`) makes one refined reading of these. So r is at most ``points_per_obstacle`` + 4, and 0 for
+    an obstacle that no pose sees.
 
     Args:
         world: obstacles, and the region to draw poses from.
@@ -329,15 +290,14 @@ def sense_obstacles(
         EstimationError: a count below 1, a range that is not positive, no free region to draw poses from.
     """
     rng = np.random.default_rng(random_state)
-    blockers = _Blockers(world)
     if np.ndim(poses) == 0:
-        x = blockers.free_poses(checked(poses, Count, "sense_obstacles: poses", EstimationError), rng)
+        x = _free_poses(world, checked(poses, Count, "sense_obstacles: poses", EstimationError), rng)
     else:
         x = np.atleast_2d(configurations(poses, name="poses"))
-    refined = []
+    caster, refined = RayCaster(world, bounds=False), []
     for obstacle in world.obstacles:
         points = _outline_points(obstacle.polygon(OUTLINE).shapely(), points_per_obstacle, rng)
-        seen = blockers.sees(x, points, max_range)
+        seen = np.array([_sees(caster, pose[:2], points, max_range) for pose in x])
         points, seen = points[seen.any(axis=0)], seen[:, seen.any(axis=0)]
         chances = rng.random((len(points), readings_per_point))
         # The j-th of the n poses that see a point, j uniform in 0..n-1.
@@ -349,60 +309,39 @@ def sense_obstacles(
     return refined
 
 
-class _Blockers:
-    """What a line of sight cannot pass: the obstacles' regions and the world's boundary."""
+def _sees(caster: RayCaster, eye: FloatArray, points: FloatArray, max_range: float) -> NDArray[np.bool_]:
+    """Return which points, shape (m, 2), are seen from a place."""
+    sight = points - eye
+    away = np.hypot(*sight.T)
+    return np.asarray((away <= max_range) & (caster.distances(eye, np.arctan2(*sight.T[::-1])) >= away - SEEN))
 
-    def __init__(self, world: World) -> None:
-        import shapely
 
-        boundary = None if world.boundary is None else world.boundary.shapely()
-        self._blocked = shapely.union_all([obstacle.polygon(OUTLINE).shapely() for obstacle in world.obstacles])
-        self._wall = shapely.LinearRing() if boundary is None else boundary.exterior
-        box = shapely.box(*world.bounds)
-        self._free = shapely.difference(box if boundary is None else boundary & box, self._blocked)
-        for region in (self._blocked, self._wall):
-            shapely.prepare(region)
+def _free_poses(world: World, count: int, rng: np.random.Generator) -> FloatArray:
+    """Return ``count`` poses, shape (count, 3), uniform in the free region."""
+    import shapely
 
-    def free_poses(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Return ``count`` poses, shape (count, 3), uniform in the free region."""
-        import shapely
-
-        if not self._free.area > 0.0:
-            raise EstimationError("poses: the world has no free region to draw them from")
-        parts = shapely.get_parts(shapely.constrained_delaunay_triangles(self._free))
-        a, b, c = np.swapaxes(shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], 0, 1)
-        area = shapely.area(parts)
-        own = rng.choice(len(parts), count, p=area / area.sum())
-        u, v = rng.random((2, count, 1))
-        # The half of the parallelogram beyond the triangle's third side, folded back.
-        u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-        places = a[own] + u * (b - a)[own] + v * (c - a)[own]
-        return np.column_stack([places, rng.uniform(-np.pi, np.pi, count)])
-
-    def sees(self, poses: FloatArray, points: FloatArray, max_range: float) -> BoolArray:
-        """Return which of the poses (p, 3) see which of the points (m, 2), shape (p, m)."""
-        import shapely
-
-        eye = np.broadcast_to(poses[:, None, :2], (len(poses), len(points), 2))
-        sight = points[None] - eye
-        length = np.hypot(sight[..., 0], sight[..., 1])
-        near = (length <= max_range) & (length > STAND_OFF)
-        start = eye[near]
-        end = start + sight[near] * (1.0 - STAND_OFF / length[near])[:, None]
-        lines = shapely.linestrings(np.stack([start, end], axis=1))
-        blocked = shapely.intersects(self._blocked, lines) | shapely.intersects(self._wall, lines)
-        seen = np.zeros(near.shape, dtype=bool)
-        seen[near] = ~blocked
-        return seen
+    free = (
+        shapely.box(*world.bounds) if world.boundary is None else world.boundary.shapely() & shapely.box(*world.bounds)
+    )
+    free = shapely.difference(free, shapely.union_all([shape.polygon(OUTLINE).shapely() for shape in world.obstacles]))
+    if not free.area > 0.0:
+        raise EstimationError("poses: the world has no free region to draw them from")
+    # Triangles, since a small region in large bounds is hardly ever met by chance.
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(free))
+    a, b, c = np.swapaxes(shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], 0, 1)
+    own = rng.choice(len(parts), count, p=shapely.area(parts) / shapely.area(parts).sum())
+    u, v = rng.random((2, count, 1))
+    # The half of the parallelogram beyond the triangle's third side, folded back.
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    places = a[own] + u * (b - a)[own] + v * (c - a)[own]
+    return np.column_stack([places, rng.uniform(-np.pi, np.pi, count)])
 
 
 def _outline_points(region: shapely.Polygon, count: int, rng: np.random.Generator) -> FloatArray:
     """Return points on the outer outline, shape (count + 4, 2): spread evenly, and the four outermost ones."""
     import shapely
 
-    outline = region.exterior
     at = (np.arange(count) + rng.random()) / count
-    spread = shapely.get_coordinates(shapely.line_interpolate_point(outline, at, normalized=True))
-    corners = shapely.get_coordinates(outline)
-    extreme = corners[np.concatenate([corners.argmin(axis=0), corners.argmax(axis=0)])]
-    return np.concatenate([spread, extreme])
+    spread = shapely.get_coordinates(shapely.line_interpolate_point(region.exterior, at, normalized=True))
+    corners = shapely.get_coordinates(region.exterior)
+    return np.concatenate([spread, corners[np.concatenate([corners.argmin(axis=0), corners.argmax(axis=0)])]])

@@ -81,13 +81,8 @@ class _Line(NamedTuple):
 def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> Log:
     """Return the log's increments of odometry, scans and (of a simulator) truth, in the order of the lines.
 
-    The first record is the pose at which the odometry begins, as the log has it.
-
-    Args:
-        path: the file, gzipped or not.
-        bad: what becomes of bad lines: unknown words, wrong columns, values that are not finite, negative ranges,
-            times that go back.
-        corrected: whether the poses of the scans are those of a SLAM program; found from the content by default.
+    The first record is the pose at which the odometry begins. ``corrected`` says whether the poses of the scans are
+    those of a SLAM program, which is found from the content by default.
     """
     lines, gmapping = _lines(path, bad, corrected=bool(corrected))
     mount = None if gmapping else _mount([(line.beams.laser, line.pose) for line in lines if line.beams])
@@ -122,31 +117,27 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
             where = None if not corrected else beams.laser if mount is None else pose
             geometry = (beams.angle_min, beams.angle_increment, beams.range_max or range_max)
             records.append(Scan(t, beams.ranges, *geometry, mount or (0.0, 0.0, 0.0), where))
-    notes: tuple[str, ...] = (
-        (f"{raised} times up to {farthest:.3g} s behind the latest one raised to it",) if raised else ()
-    )
+    notes = [f"{raised} times up to {farthest:.3g} s behind the latest one raised to it"] if raised else []
     if glitches:
         others = "reading" if glitches == 1 else "readings"
-        notes += (f"{glitches} {others} up to {farthest_glitch:g} m, far beyond all others, left out as glitches",)
-    return Log(name_of(path), tuple(records), np.empty((0, 3)), notes=notes, whole=True)
+        notes.append(f"{glitches} {others} up to {farthest_glitch:g} m, far beyond all others, left out as glitches")
+    return Log(name_of(path), tuple(records), np.empty((0, 3)), notes=tuple(notes), whole=True)
 
 
 def _lines(path: Path, bad: BadRecords, *, corrected: bool) -> tuple[list[_Line], bool]:
     """Return the lines that hold records, without GMapping's repeated poses, and whether GMapping wrote the log."""
     lines = list(_parsed(path, bad))
     gmapping = any(line.word == "NEFF" for line in lines)
-    repeats = [i > 0 and _repeats(lines[i - 1], line) for i, line in enumerate(lines)]
-    if corrected and not gmapping:
-        gmapping = any(repeat and lines[i].t < lines[i - 1].t - JITTER for i, repeat in enumerate(repeats))
-    remaining = [
-        line for line, repeat in zip(lines, repeats, strict=True) if line.word != "NEFF" and not (gmapping and repeat)
+    pairs = list(zip([None, *lines], lines, strict=False))
+    repeats = [
+        before is not None and line.word == "ODOM" and before.beams is not None and line.pose == before.beams.laser
+        for before, line in pairs
     ]
-    return remaining, gmapping
-
-
-def _repeats(before: _Line, line: _Line) -> bool:
-    """Return whether a line is an ODOM that repeats the pose of the scan before it."""
-    return line.word == "ODOM" and before.beams is not None and line.pose == before.beams.laser
+    if corrected and not gmapping:
+        late = (before is not None and line.t < before.t - JITTER for before, line in pairs)
+        gmapping = any(map(all, zip(repeats, late, strict=True)))
+    kept = (not (gmapping and repeat) for repeat in repeats)
+    return [line for line, keep in zip(lines, kept, strict=True) if keep and line.word != "NEFF"], gmapping
 
 
 def _parsed(path: Path, bad: BadRecords) -> Iterator[_Line]:
@@ -212,8 +203,7 @@ def _count(fields: list[str], place: int, minimum: int = 1) -> int:
 
 
 def _triple(values: list[float]) -> _Triple:
-    x, y, theta = values
-    return x, y, theta
+    return values[0], values[1], values[2]
 
 
 def _angles(n: int) -> tuple[float, float]:

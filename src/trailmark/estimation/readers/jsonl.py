@@ -40,8 +40,7 @@ from trailmark.estimation.readers.source import BadRecords, name_of, read_lines
 from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.formats.files import write_atomically
 
-__all__ = ["Header", "Landmark", "parse", "parse_header", "read_jsonl", "write_jsonl"]
-
+__all__ = ["read_jsonl", "write_jsonl"]
 
 _Triple = tuple[Finite, Finite, Finite]
 
@@ -57,10 +56,10 @@ _HEADER = {
 class Header(NamedTuple):
     """The first line."""
 
-    trailmark_log: int  # The schema version.
-    name: str | None = None  # What reports call the log.
-    cell: Positive | None = None  # Metres: side of the cells of the map by which a robot explored as it took the scans.
-    whole: bool = False  # Whether each increment holds all that was driven since the one before.
+    trailmark_log: int
+    name: str | None = None
+    cell: Positive | None = None
+    whole: bool = False
 
 
 class Landmark(NamedTuple):
@@ -85,32 +84,19 @@ _Ranges = Annotated[list[Any], Rule('a list of numbers of 0 or more, "inf" and n
 
 
 _BEAMS = {"ranges": _Ranges, "angle_min": Finite, "angle_increment": Finite, "range_max": Positive | Literal["inf"]}
+_SEEN = {"z": Annotated[ArrayLike, shaped(2)], "kind": Literal["range-bearing", "cartesian"]}
 # For each kind of line what it becomes, and what its fields may hold.
 _FORMS: dict[str, tuple[Any, dict[str, Any]]] = {
     "odometry": (Odometry, {"t": Finite, "v": Finite, "omega": Finite}),
     "increment": (Increment, {"t": Finite, "dx": Finite, "dy": Finite, "dtheta": Finite, "covariance": _covariance(3)}),
-    "detection": (
-        Detection,
-        {
-            "t": Finite,
-            "z": Annotated[ArrayLike, shaped(2)],
-            "kind": Literal["range-bearing", "cartesian"],
-            "identity": int,
-            "covariance": _covariance(2),
-        },
-    ),
+    "detection": (Detection, {"t": Finite, **_SEEN, "identity": int, "covariance": _covariance(2)}),
     "scan": (Scan, {"t": Finite, **_BEAMS, "mount": _Triple, "pose": _Triple}),
     "pose": (Pose, {"t": Finite, **_POSE, "truth": bool}),
     "landmark": (Landmark, {"identity": int, "x": Finite, "y": Finite}),
 }
 
 
-def parse_header(line: str) -> Header:
-    """Return the first line of a log."""
-    return Header(**_checked(_object(line), "header", Header, _HEADER))
-
-
-def parse(line: str) -> Record | Landmark:
+def _parse(line: str) -> Record | Landmark:
     """Return what a line after the first one holds."""
     data = _object(line)
     kind = data.pop("type", None)
@@ -152,16 +138,10 @@ def _checked(data: dict[str, Any], kind: str, becomes: Any, form: dict[str, Any]
 
 
 def read_jsonl(path: Path, bad: BadRecords) -> Log:
-    """Return the log in a JSON Lines file.
-
-    Args:
-        path: the file, gzipped or not.
-        bad: what becomes of bad lines: not JSON, missing or unknown fields, values out of range or not finite, times
-            that go back, covariances that are none.
-    """
+    """Return the log in a JSON Lines file, gzipped or not; ``bad`` says what becomes of bad lines."""
     lines = read_lines(path, bad)
     try:
-        header = parse_header(next(lines, ""))
+        header = Header(**_checked(_object(next(lines, "")), "header", Header, _HEADER))
     except RecordError as error:
         raise FormatError(path, str(error), 1) from None
     records: list[Record] = []
@@ -171,7 +151,7 @@ def read_jsonl(path: Path, bad: BadRecords) -> Log:
         if not line.strip():
             continue
         try:
-            found = parse(line)
+            found = _parse(line)
         except RecordError as error:
             bad.report(path, str(error), number)
             continue
@@ -196,15 +176,14 @@ def write_jsonl(path: Path, log: Log) -> None:
     header |= {"whole": True} if log.whole else {}
     lines = [json.dumps(header, ensure_ascii=False)]
     lines += (
-        json.dumps({"type": "landmark", "identity": int(identity), "x": x, "y": y})
-        for identity, x, y in log.landmarks.tolist()
+        json.dumps({"type": "landmark", "identity": int(i), "x": x, "y": y}) for i, x, y in log.landmarks.tolist()
     )
     encode = json.JSONEncoder(default=_plain).encode
     latest = -math.inf
     for i, record in enumerate(log.records):
         line = encode(_data(record))
         try:
-            parse(line)  # what cannot be read back is not written
+            _parse(line)  # what cannot be read back is not written
         except RecordError as error:
             raise OutputError(f"{path}: cannot be written: records[{i}]: {error}") from None
         if record.t < latest:

@@ -16,6 +16,7 @@ be unknown; they are merged by time, the odometry first at equal times.
 
 from __future__ import annotations
 
+import itertools
 import math
 import textwrap
 from collections.abc import Iterator
@@ -33,10 +34,11 @@ if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
 
-__all__ = ["Transforms", "matrix", "read_rosbag"]
+__all__ = ["read_rosbag"]
 
 _SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_REPEATED = "stamp: expected one of its own, got {:.9g} s once more with another content"
 _ENOUGH_TRANSFORMS = 2000  # Messages of ``tf`` that are searched for the scanner's place.
 
 
@@ -88,7 +90,7 @@ def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None,
             bad.report(path, f"{name}: expected a pose of finite numbers with a heading, got another")
             continue
         if t == latest and pose != before:
-            bad.report(path, _repeated(name, t))
+            bad.report(path, f"{name}: {_REPEATED.format(t)}")
             continue
         frame = message.child_frame_id or frame
         records.append(Pose(t, *pose) if before is None else Increment.between(t, before, pose))
@@ -108,15 +110,11 @@ def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None,
         scan = _scan(t, message, *mounts[own])
         last = records[-1] if len(records) > moves else None
         if isinstance(last, Scan) and t == last.t and not np.array_equal(scan.ranges, last.ranges, equal_nan=True):
-            bad.report(path, _repeated(name, t))
+            bad.report(path, f"{name}: {_REPEATED.format(t)}")
             continue
         records.append(scan)
     order = np.argsort([record.t for record in records], kind="stable")
     return Log(name_of(path), tuple(records[i] for i in order), np.empty((0, 3)), notes=tuple(notes), whole=True)
-
-
-def _repeated(name: str, t: float) -> str:
-    return f"{name}: stamp: expected one of its own, got {t:.9g} s once more with another content"
 
 
 def _topic(path: Path, reader: AnyReader, msgtype: str, what: str, name: str | None) -> list[Connection]:
@@ -138,16 +136,16 @@ def _topic(path: Path, reader: AnyReader, msgtype: str, what: str, name: str | N
 def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad: BadRecords) -> Iterator[_Message]:
     """Yield the messages of a topic with their names for messages, in the order of their stamps."""
     latest = -math.inf
-    unstamped = not any(map(any, _stamps(reader, connections)))
-    for number, (connection, received, raw) in enumerate(reader.messages(connections), start=1):
-        name = f"message {number} of {connection.topic}"
-        try:
-            data: Any = reader.deserialize(raw, connection.msgtype)
-        except Exception as error:  # what a broken message makes the decoders raise is not documented
-            bad.report(path, f"{name}: cannot be decoded: {_brief(error)}")
+    unstamped = not any(
+        any(_stamp(data)) for _, data in _decoded(reader, connections) if not isinstance(data, Exception)
+    )
+    for number, (received, data) in enumerate(_decoded(reader, connections), start=1):
+        name = f"message {number} of {connections[0].topic}"
+        if isinstance(data, Exception):
+            bad.report(path, f"{name}: cannot be decoded: {_brief(data)}")
             continue
-        stamp = data.header.stamp
-        t = 1e-9 * received if unstamped else stamp.sec + 1e-9 * stamp.nanosec
+        seconds, nanoseconds = _stamp(data)
+        t = 1e-9 * received if unstamped else seconds + 1e-9 * nanoseconds
         if t < latest:
             bad.report_late(path, t, latest, name=f"{name}: ")
             continue
@@ -155,14 +153,17 @@ def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad:
         yield _Message(name, t, data)
 
 
-def _stamps(reader: AnyReader, connections: list[Connection]) -> Iterator[tuple[int, int]]:
-    """Yield seconds and nanoseconds of the stamps of a topic, without the messages that cannot be decoded."""
-    for connection, _, raw in reader.messages(connections):
+def _decoded(reader: AnyReader, connections: list[Connection]) -> Iterator[tuple[int, Any]]:
+    """Yield when each message was received, nanoseconds, and the message, or why it cannot be decoded."""
+    for connection, received, raw in reader.messages(connections):
         try:
-            data: Any = reader.deserialize(raw, connection.msgtype)
-        except Exception:  # noqa: S112 # reported where the messages are read
-            continue
-        yield data.header.stamp.sec, data.header.stamp.nanosec
+            yield received, reader.deserialize(raw, connection.msgtype)
+        except Exception as error:  # what a broken message makes the decoders raise is not documented
+            yield received, error
+
+
+def _stamp(message: Any) -> tuple[int, int]:
+    return message.header.stamp.sec, message.header.stamp.nanosec
 
 
 def _pose(pose: Any) -> tuple[float, float, float] | None:
@@ -196,20 +197,21 @@ def _scan(t: float, message: Any, mount: tuple[float, float, float], upside_down
 
 def _mount(reader: AnyReader, base: str, scanner: str) -> tuple[tuple[tuple[float, float, float], bool], str]:
     """Return the scanner's place on the robot, whether it hangs upside down, and a note where it is not known."""
-    connections = [c for c in reader.connections if c.msgtype in _TRANSFORMS]
-    transforms = Transforms()
-    found = transforms.between(base, scanner)
+    places: dict[str, tuple[str, FloatArray]] = {}  # of each frame its parent and its place in that; the first ones
+    found = _between(places, base, scanner)
     for static in (True, False):
-        wanted = [c for c in connections if c.topic.endswith("tf_static") == static]
-        for number, (connection, _, raw) in enumerate(reader.messages(wanted) if wanted else ()):
-            if found is not None or (not static and number >= _ENOUGH_TRANSFORMS):
+        wanted = [c for c in reader.connections if c.msgtype in _TRANSFORMS and c.topic.endswith("tf_static") == static]
+        for connection, _, raw in itertools.islice(
+            reader.messages(wanted) if wanted else (), None if static else _ENOUGH_TRANSFORMS
+        ):
+            if found is not None:
                 break
             message: Any = reader.deserialize(raw, connection.msgtype)
             for entry in message.transforms:
-                shift, q = entry.transform.translation, entry.transform.rotation
-                place = matrix((shift.x, shift.y, shift.z), (q.x, q.y, q.z, q.w))
-                transforms.add(entry.header.frame_id, entry.child_frame_id, place)
-            found = transforms.between(base, scanner)
+                # Slashes before the names are dropped, as tf2 drops them.
+                child, parent = entry.child_frame_id.lstrip("/"), entry.header.frame_id.lstrip("/")
+                places.setdefault(child, (parent, _matrix(entry.transform)))
+            found = _between(places, base, scanner)
     if found is None:
         note = f"no transform from {base!r} to {scanner!r}: the scanner is assumed to be at the robot's origin"
         return ((0.0, 0.0, 0.0), False), note
@@ -219,42 +221,29 @@ def _mount(reader: AnyReader, base: str, scanner: str) -> tuple[tuple[tuple[floa
     return (mount, bool(found[2, 2] < 0.0)), note
 
 
-class Transforms:
-    """A forest of frames, each with its place in its parent; the first place given for a frame stays."""
-
-    def __init__(self) -> None:
-        self._places: dict[str, tuple[str, FloatArray]] = {}
-
-    def add(self, parent: str, child: str, place: FloatArray) -> None:
-        """Add a frame's place in its parent, shape (4, 4); slashes before the names are dropped, as tf2 drops them."""
-        self._places.setdefault(child.lstrip("/"), (parent.lstrip("/"), place))
-
-    def between(self, base: str, frame: str) -> FloatArray | None:
-        """Return the frame's place in the base, shape (4, 4), or None if nothing known joins them."""
-        above_base, above_frame = self._ancestors(base.lstrip("/")), self._ancestors(frame.lstrip("/"))
-        for name, place in above_frame.items():
-            if name in above_base:
-                return np.asarray(np.linalg.inv(above_base[name]) @ place)
-        return None
-
-    def _ancestors(self, frame: str) -> dict[str, FloatArray]:
-        """Return the frame and all above it, nearest first, with the frame's place in each."""
-        found = {frame: np.eye(4)}
-        name = frame
-        while name in self._places:
-            parent, place = self._places[name]
-            if parent in found:  # frames that are each other's parents: no tree, nothing more to learn
-                break
-            found[parent] = place @ found[name]
-            name = parent
-        return found
+def _between(places: dict[str, tuple[str, FloatArray]], base: str, frame: str) -> FloatArray | None:
+    """Return the frame's place in the base, shape (4, 4), or None if nothing known joins them."""
+    above_base, above_frame = _ancestors(places, base.lstrip("/")), _ancestors(places, frame.lstrip("/"))
+    common = next((name for name in above_frame if name in above_base), None)
+    return None if common is None else np.asarray(np.linalg.inv(above_base[common]) @ above_frame[common])
 
 
-def matrix(translation: tuple[float, float, float], quaternion: tuple[float, float, float, float]) -> FloatArray:
-    """Return a rigid transform, shape (4, 4), from a shift (metres) and a quaternion x, y, z, w of any length but 0."""
+def _ancestors(places: dict[str, tuple[str, FloatArray]], name: str) -> dict[str, FloatArray]:
+    """Return a frame and all above it, nearest first, with the frame's place in each."""
+    found = {name: np.eye(4)}
+    while name in places and places[name][0] not in found:  # frames that are each other's parents are no tree
+        parent, place = places[name]
+        found[parent] = place @ found[name]
+        name = parent
+    return found
+
+
+def _matrix(transform: Any) -> FloatArray:
+    """Return a rigid transform, shape (4, 4), from a shift (metres) and a quaternion of any length but 0."""
     from scipy.spatial.transform import Rotation
 
-    place = np.eye(4)
+    shift, q = transform.translation, transform.rotation
+    quaternion, place = (q.x, q.y, q.z, q.w), np.eye(4)
     place[:3, :3] = Rotation.from_quat(quaternion).as_matrix() if any(quaternion) else np.eye(3)
-    place[:3, 3] = translation
+    place[:3, 3] = shift.x, shift.y, shift.z
     return place

@@ -20,7 +20,6 @@ from trailmark.se2 import FloatArray
 __all__ = ["BadRecords", "Table", "in_order", "name_of", "numbers", "read_head", "read_lines", "read_table"]
 
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _GZIP = b"\x1f\x8b"
 MAX_LOG_BYTES = 2**32  # Largest log, unpacked (4 GiB): some million scans.
@@ -58,10 +57,6 @@ class Table(NamedTuple):
 
     lines: IntArray  # 1-based line numbers, shape (n,).
     values: FloatArray  # Shape (n, columns), all finite.
-
-    def keep(self, good: BoolArray) -> Table:
-        """Return the rows for which ``good``, shape (n,), holds."""
-        return self if good.all() else Table(self.lines[good], self.values[good])
 
 
 def read_head(path: Path, size: int) -> bytes:
@@ -118,18 +113,11 @@ def _unpacked(raw: BinaryIO) -> BinaryIO | gzip.GzipFile:
     return gzip.GzipFile(fileobj=raw) if packed else raw
 
 
-def read_table(path: Path, columns: Sequence[str], bad: BadRecords, separator: str | None = None) -> Table:
-    """Return the rows of a table of numbers; empty lines and comments (``#``) are skipped.
-
-    Args:
-        path: the file.
-        columns: their names, for messages.
-        bad: what becomes of a row with too few or too many columns, or a value that is not a finite number.
-        separator: what sets off the columns; None stands for blanks.
-    """
+def read_table(path: Path, columns: Sequence[str], bad: BadRecords) -> Table:
+    """Return the rows of a table of numbers set off by blanks; empty lines and comments (``#``) are skipped."""
     rows, places = [], []
     for number, line in enumerate(read_lines(path, bad), start=1):
-        fields = line.split(separator)
+        fields = line.split()
         if not line.strip() or line.lstrip()[0] == "#":
             continue
         row = numbers(fields)
@@ -160,11 +148,12 @@ def in_order(path: Path, table: Table, bad: BadRecords) -> Table:
     times = table.values[:, 0]
     latest = np.maximum.accumulate(times)
     good = np.asarray(times >= latest)
-    if not good.all():
-        first = int(np.argmin(good))
-        back = f"time: expected {float(latest[first])!r} or later, got {float(times[first])!r}"
-        bad.report(path, back, int(table.lines[first]), count=int((~good).sum()))
-    return table.keep(good)
+    if good.all():
+        return table
+    first = int(np.argmin(good))
+    back = f"time: expected {float(latest[first])!r} or later, got {float(times[first])!r}"
+    bad.report(path, back, int(table.lines[first]), count=int((~good).sum()))
+    return Table(table.lines[good], table.values[good])
 
 
 def name_of(path: Path) -> str:

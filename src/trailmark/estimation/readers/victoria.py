@@ -21,11 +21,11 @@ from pathlib import Path
 
 import numpy as np
 
-from trailmark.estimation.readers.source import BadRecords, in_order, name_of, numbers, read_lines, read_table
+from trailmark.estimation.readers.source import BadRecords, name_of, numbers, read_lines
 from trailmark.estimation.records import Detection, Increment, Log, Record
 from trailmark.se2 import FloatArray
 
-__all__ = ["KEYWORDS", "read_gps", "read_victoria"]
+__all__ = ["KEYWORDS", "read_victoria"]
 
 # The lines' first words and the columns after them.
 KEYWORDS = {"ODOMETRY": "i j dx dy dtheta c11 c12 c13 c22 c23 c33", "LANDMARK": "i j x y c11 c12 c22"}
@@ -70,15 +70,6 @@ def read_victoria(path: Path, bad: BadRecords) -> Log:
             records.append(Increment(float(j), row[2], row[3], row[4], _covariance(*row[5:])))
         pose = j if fields[0] == "ODOMETRY" else i
     return Log(name_of(path), tuple(records), np.empty((0, 3)))
-
-
-def read_gps(path: Path, *, skip_bad: bool = False) -> FloatArray:
-    """Return the GPS fixes of the same drive, shape (n, 3): t (s), x (m, east), y (m, north).
-
-    They are for evaluation, after a rigid alignment: the log's poses carry no times.
-    """
-    bad = BadRecords(skip_bad)
-    return in_order(path, read_table(path, ("t", "x", "y"), bad, separator=","), bad).values
 
 
 def _row(fields: list[str]) -> tuple[list[float] | None, str]:
