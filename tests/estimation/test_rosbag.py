@@ -88,11 +88,12 @@ class Bag:
         roll: float = 0.0,
         yaw: float = 0.0,
         topic: str = "/tf_static",
+        t: float = 1.0,
     ) -> Message:
         place = {"translation": dict(zip("xyz", shift, strict=True)), "rotation": quaternion(roll, yaw)}
         kind = "geometry_msgs/msg/TransformStamped"
-        entry = self.make(kind, header=stamped(1.0, parent), child_frame_id=child, transform=place)
-        return topic, TRANSFORMS, 1.0, self.make(TRANSFORMS, transforms=[entry])
+        entry = self.make(kind, header=stamped(t, parent), child_frame_id=child, transform=place)
+        return topic, TRANSFORMS, t, self.make(TRANSFORMS, transforms=[entry])
 
     def write(self, folder: Path, messages: Sequence[Message]) -> Path:
         """Write a bag and return its path."""
@@ -155,6 +156,28 @@ def test_a_file_of_a_ros_2_folder(tmp_path: Path, name: str) -> None:
     bag = Bag("sqlite3" if name.endswith("db3") else "mcap")
     folder = bag.write(tmp_path, drive(bag))
     assert len(load_log(folder / name).records) == 7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_odometry_messages_poses_come_from_tf(tmp_path: Path, kind: Kind) -> None:
+    bag = Bag(kind)
+    mount = bag.transform("base_footprint", "laser", (0.2, 0.0, 0.1))
+    moves = [(10.0, 1.0, 2.0, 0.0), (11.0, 3.0, 2.0, 0.0), (12.0, 3.0, 2.0, math.pi / 2), (13.0, 3.0, 3.0, math.pi / 2)]
+    tf = [bag.transform("odom", "base_footprint", (x, y, 0.0), yaw=yaw, topic="/tf", t=t) for t, x, y, yaw in moves]
+    map_ = [bag.transform("map", "odom", (t, 0.0, 0.0), topic="/tf", t=t) for t in (10.5, 12.5)]  # corrections
+    scans = [message for message in drive(bag) if message[0] == "/scan"]
+    messages = sorted([mount, *tf, *map_, *scans], key=lambda message: message[2])
+    (tmp_path / "tf").mkdir()
+    (tmp_path / "messages").mkdir()
+    by_tf = load_log(bag.write(tmp_path / "tf", messages))
+    by_messages = load_log(bag.write(tmp_path / "messages", [mount, *drive(bag)]))
+    assert [type(r) for r in by_tf.records] == [type(r) for r in by_messages.records]
+    for mine, theirs in zip(by_tf.records, by_messages.records, strict=True):
+        if isinstance(mine, Scan):
+            assert mine.mount == pytest.approx((0.2, 0.0, 0.0))
+        else:
+            assert tuple(mine)[:4] == pytest.approx(tuple(theirs)[:4])
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """ROS 1 and ROS 2 bags, read by the package rosbags (the extra ``trailmark[ros]``); no ROS is needed.
 
-From a bag come one topic of ``sensor_msgs/LaserScan`` and one of ``nav_msgs/Odometry``:
+From a bag come one topic of ``sensor_msgs/LaserScan`` and one of ``nav_msgs/Odometry`` or, if it has none of that type,
+the transforms of ``tf`` from a frame named ``odom`` to the robot's:
 
 - An odometry message's pose gives the increment since the message before; its covariance, which is that of the whole
   drive, says nothing about one increment and is not used. The first message gives the pose where the odometry begins.
@@ -48,6 +49,13 @@ class _Message(NamedTuple):
     data: Any
 
 
+class _Moved(NamedTuple):
+    name: str
+    t: float
+    pose: tuple[float, float, float] | None
+    frame: str
+
+
 def read_rosbag(path: Path, bad: BadRecords, scan_topic: str | None = None, odometry_topic: str | None = None) -> Log:
     """Return a bag's laser scans and odometry.
 
@@ -55,7 +63,7 @@ def read_rosbag(path: Path, bad: BadRecords, scan_topic: str | None = None, odom
         path: a ROS 1 file ``.bag``, a ROS 2 folder, or one of its files ``.db3`` or ``.mcap``.
         bad: what becomes of bad messages: not to be decoded, values that are not finite, stamps that go back or repeat.
         scan_topic: may be left out where the bag has one such topic.
-        odometry_topic: may be left out where the bag has one such topic.
+        odometry_topic: may be left out where the bag has one such topic, or transforms from ``odom``.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -79,20 +87,21 @@ def _brief(error: Exception) -> str:
 
 def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None, odometry_topic: str | None) -> Log:
     scans = _topic(path, reader, _SCAN, "scan", scan_topic)
-    odometry = _topic(path, reader, _ODOMETRY, "odometry", odometry_topic)
+    moved = _moved_by_tf(path, reader, bad) if odometry_topic is None else None
+    if moved is None:
+        moved = _moved(path, reader, _topic(path, reader, _ODOMETRY, "odometry", odometry_topic), bad)
     records: list[Record] = []
     frame = "base_link"
     before: tuple[float, float, float] | None = None
     latest = -math.inf
-    for name, t, message in _messages(path, reader, odometry, bad):
-        pose = _pose(message.pose.pose)
+    for name, t, pose, child in moved:
         if pose is None:
             bad.report(path, f"{name}: expected a pose of finite numbers with a heading, got another")
             continue
         if t == latest and pose != before:
             bad.report(path, f"{name}: {_REPEATED.format(t)}")
             continue
-        frame = message.child_frame_id or frame
+        frame = child or frame
         records.append(Pose(t, *pose) if before is None else Increment.between(t, before, pose))
         before, latest = pose, t
     moves = len(records)
@@ -133,6 +142,39 @@ def _topic(path: Path, reader: AnyReader, msgtype: str, what: str, name: str | N
     raise FormatError(path, f"no topic of type {kind} in the bag; it has: {there or 'none'}")
 
 
+def _moved(path: Path, reader: AnyReader, odometry: list[Connection], bad: BadRecords) -> Iterator[_Moved]:
+    for name, t, message in _messages(path, reader, odometry, bad):
+        yield _Moved(name, t, _pose(message.pose.pose.position, message.pose.pose.orientation), message.child_frame_id)
+
+
+def _moved_by_tf(path: Path, reader: AnyReader, bad: BadRecords) -> Iterator[_Moved] | None:
+    """Return the poses by the transforms from ``odom``; None if there are odometry messages, or no such transforms."""
+    wanted = [c for c in reader.connections if c.msgtype in _TRANSFORMS and not c.topic.endswith("tf_static")]
+    if not wanted or any(c.msgtype == _ODOMETRY for c in reader.connections):
+        return None
+
+    def poses() -> Iterator[_Moved]:
+        latest = -math.inf
+        for number, (received, message) in enumerate(_decoded(reader, wanted), start=1):
+            name = f"message {number} of {wanted[0].topic}"
+            if isinstance(message, Exception):
+                bad.report(path, f"{name}: cannot be decoded: {_brief(message)}")
+                continue
+            for entry in message.transforms:
+                if entry.header.frame_id.rpartition("/")[2] != "odom":
+                    continue
+                stamp = entry.header.stamp
+                t = stamp.sec + 1e-9 * stamp.nanosec if any((stamp.sec, stamp.nanosec)) else 1e-9 * received
+                if t < latest:
+                    bad.report_late(path, t, latest, name=f"{name}: ")
+                    continue
+                latest = t
+                place = entry.transform
+                yield _Moved(name, t, _pose(place.translation, place.rotation), entry.child_frame_id.lstrip("/"))
+
+    return poses() if next(poses(), None) is not None else None
+
+
 def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad: BadRecords) -> Iterator[_Message]:
     """Yield the messages of a topic with their names for messages, in the order of their stamps."""
     latest = -math.inf
@@ -166,14 +208,13 @@ def _stamp(message: Any) -> tuple[int, int]:
     return message.header.stamp.sec, message.header.stamp.nanosec
 
 
-def _pose(pose: Any) -> tuple[float, float, float] | None:
+def _pose(position: Any, q: Any) -> tuple[float, float, float] | None:
     """Return x, y, theta, or None if they are not finite."""
-    q = pose.orientation
     sin, cos = 2.0 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2
-    values = (pose.position.x, pose.position.y, sin, cos)
+    values = (position.x, position.y, sin, cos)
     if not all(map(math.isfinite, values)) or sin == cos == 0.0:
         return None
-    return pose.position.x, pose.position.y, math.atan2(sin, cos)
+    return position.x, position.y, math.atan2(sin, cos)
 
 
 def _bad_geometry(message: Any) -> str:
