@@ -100,7 +100,7 @@ def test_no_path_that_a_world_was_carved_around_is_bounded_away(scale: str) -> N
                 continue
             # Of a large world no more is looked at than paths need that cost so much.
             for large, cost in ((LARGE, np.inf), (0, 1.05 * known.cost), (0, known.cost)):
-                found = LowerBound(known.world, known.world.robot, large=large).of(*known.way[[0, -1]], cost)
+                found = LowerBound(known.world, known.world.robot, large=large).of(known.way[0], known.way[-1], cost)
                 assert found.cost <= known.cost * (1.0 + 1e-12) + 1e-9
 
 

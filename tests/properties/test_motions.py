@@ -66,7 +66,7 @@ def test_final_check_and_audit_find_what_collides_and_let_pass_what_is_certified
     accepted = motion.motions_valid(a, b)
     plain = Oracle(checker.world, checker.robot.keeping(0.0))
     verifier, verification = Verifier(checker.world, checker.robot, RIM), Verification(checker, motion, seed=0)
-    hits = oracle.collides(driven(motion, a, b, SAMPLES).reshape(-1, 3)).reshape(len(a), -1).any(axis=1)
+    hits = np.any(oracle.collides(driven(motion, a, b, SAMPLES).reshape(-1, 3)).reshape(len(a), -1), axis=1)
     for ends, certified, hit in zip(np.stack([a, b], axis=1), accepted, hits, strict=True):
         path = path_of(motion, ends)
         fault = verifier.fault(path, *ends)

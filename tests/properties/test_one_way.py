@@ -77,6 +77,7 @@ def test_straight_motions_through_a_square(ends: tuple[float, ...], free: bool) 
     assert straight([zone(0.0, math.pi)], *ends)
 
 
+@pytest.mark.slow
 def test_headings_holes_and_several_zones() -> None:
     for heading in (-math.pi, math.pi, math.pi / 2, -math.pi / 2, 0.0):
         c, s = round(math.cos(heading)), round(math.sin(heading))
