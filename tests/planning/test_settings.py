@@ -21,12 +21,12 @@ def test_what_a_file_says_counts_and_the_rest_keeps_its_default(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("first_landmark: 40", "expected one of .*first_landmarks.*, got 'first_landmark'"),
+        ("first_landmark: 40", "setting first_landmark: expected .*first_landmarks.*, got 'first_landmark'"),
         ("first_landmarks: 0", "first_landmarks"),
         ("first_landmarks: many", "first_landmarks"),
         ("landmark_growth: 0.5", "landmark_growth"),
         ("- 1", "expected lines 'name: value', got list"),
-        ("a: [", "expected YAML"),
+        ("a: [", "not valid YAML"),
     ],
 )
 def test_wrong_files_are_refused_in_one_line(tmp_path: Path, text: str, match: str) -> None:
