@@ -66,16 +66,6 @@ class Layers:
             truth(value, f"layers: {name}:")
         return cls(**chosen)
 
-    @classmethod
-    def parse(cls, text: str) -> Layers:
-        """Return the layers that a shell argument names: ``obstacles,path`` and no other.
-
-        Raises:
-            ConfigurationError: an unknown name.
-        """
-        named = dict.fromkeys((name.strip() for name in text.split(",")), True)
-        return cls.of(dict.fromkeys((field.name for field in fields(cls)), False) | named)
-
 
 ALL = Layers()
 """What is shown by default."""

@@ -106,12 +106,13 @@ def test_the_figures(shell: Shell, log: Path, tmp_path: Path) -> None:
     assert found["queries"] == [query.name for query in World.load(file).queries]
     assert 0.0 < found["time"]["per_update"] < found["time"]["total"]
     assert picture.read_bytes().startswith(b"<?xml")
-    title, *rows = shell("map", log, "--output", file, "--confidence", "0.99").out.splitlines()
+    text = shell("map", log, "--output", file, "--confidence", "0.99").out
+    title, *rows = text.splitlines()
     facts = {row.split()[0]: " ".join(row.split()[1:]) for row in rows}
     assert (title, facts["features"], facts["obstacles"]) == ("yard: 8 obstacles", "8 confirmed, 0 dropped", "8 discs")
     assert facts["risk"] == "a valid path meets an obstacle with probability 0.01 at most"
     assert "95 % χ² band" in facts["NIS"]
-    assert "radius of 0.1 m" in facts["note"]
+    assert "radius of 0.1 m" in text
     plain = shell("map", log, "--output", file, *given(tmp_path, "{radius: 0.2, radius_sigma: 0.05}")).out
     assert "none stated" in plain
     assert "note" not in plain

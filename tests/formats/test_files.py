@@ -17,13 +17,6 @@ from trailmark.world import World
 NAV2 = "image: yard.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\n"
 
 
-@pytest.mark.parametrize("content", ["text with ä\n", b"\x00\xff bytes"])
-def test_writes_the_whole_content_and_nothing_else(tmp_path: Path, content: str | bytes) -> None:
-    files.write_atomically(tmp_path / "out", content)
-    assert (tmp_path / "out").read_bytes() == (content.encode() if isinstance(content, str) else content)
-    assert [p.name for p in tmp_path.iterdir()] == ["out"]
-
-
 @pytest.mark.parametrize("moment", ["fsync", "replace"])
 @pytest.mark.parametrize("failure", [KeyboardInterrupt(), OSError(28, "No space left on device")])
 def test_an_interrupted_write_leaves_the_old_file(

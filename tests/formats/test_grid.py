@@ -221,43 +221,6 @@ def test_a_turned_grid_is_no_longer_cells() -> None:
     assert CellObstacles(occupied).upright
 
 
-def corners(cell: float, origin: tuple[float, float, float], row: int, column: int) -> list[tuple[float, float]]:
-    """Return a cell's corners by the definition of a map's origin, in complex numbers."""
-    turn = complex(math.cos(origin[2]), math.sin(origin[2]))
-    places = ((column, row), (column + 1, row), (column + 1, row + 1), (column, row + 1))
-    points = (complex(origin[0], origin[1]) + turn * complex(cell * x, cell * y) for x, y in places)
-    return [(point.real, point.imag) for point in points]
-
-
-@pytest.mark.slow
-@given(
-    st.integers(0, 2**30),
-    st.sampled_from([0.05, 0.1, 1.0]),
-    st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0)),
-    st.sampled_from([0.0, math.pi / 2, math.pi, -math.pi, -1.2, 0.3, 3.0, 7.0, 1e-9]),
-)
-def test_a_turned_grids_cells_are_where_their_corners_are(
-    seed: int, cell: float, place: tuple[float, float], yaw: float
-) -> None:
-    rng = np.random.default_rng(seed)
-    cells = rng.integers(0, 2, rng.integers(1, 7, 2)).astype(bool)
-    origin = (*place, yaw)
-    world = World.from_grid(cells, cell, origin)
-    expected = shapely.union_all([shapely.Polygon(corners(cell, origin, *where)) for where in np.argwhere(cells)])
-    got = shapely.union_all([shape.polygon().shapely() for shape in world.obstacles])
-    assert shapely.symmetric_difference(expected, got).area <= 1e-10
-    rows, columns = cells.shape
-    whole = shapely.Polygon(
-        [
-            corners(cell, origin, *at)[k]
-            for k, at in enumerate(((0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0)))
-        ]
-    )
-    free = shapely.box(*world.bounds) if world.boundary is None else world.boundary.shapely()
-    assert shapely.hausdorff_distance(whole, free) <= 1e-9
-    assert world.bounds == pytest.approx(whole.bounds, abs=1e-9)
-
-
 def test_an_occupancy_grids_unknown_cells_are_not_free() -> None:
     data = np.array([0, 100, -1, 0, 0, 50], dtype=np.int8).reshape(2, 3)  # of a nav_msgs/OccupancyGrid
     world = World.from_grid(data, 0.5, (10, 20), name="yard")

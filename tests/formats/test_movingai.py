@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +7,6 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import dijkstra
 
 from trailmark.errors import FormatError
 from trailmark.formats.movingai import parse_grid, read_scenarios
@@ -109,39 +105,6 @@ def test_bad_scenarios_name_file_and_line(tmp_path: Path, row: str, problem: str
 def test_a_missing_scenario_file(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="cannot be read"):
         read_scenarios(tmp_path / "a.scen")
-
-
-def octile_graph(free: NDArray[np.bool_]) -> sparse.csr_array:
-    """Steps of 1 and sqrt 2 between free cells; a diagonal step needs both cells beside it."""
-    height, width = free.shape
-    index = np.arange(height * width).reshape(height, width)
-    edges = []
-    for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here = np.s_[: height - dy, max(0, -dx) : width - max(0, dx)]
-        there = np.s_[dy:, max(0, dx) : width + min(0, dx)]
-        open_ = free[here] & free[there]
-        if dx and dy:
-            open_ &= free[: height - dy, max(0, dx) : width + min(0, dx)] & free[dy:, max(0, -dx) : width - max(0, dx)]
-        length = math.hypot(dx, dy)
-        edges.append((index[here][open_], index[there][open_], np.full(open_.sum(), length)))
-    rows, columns, lengths = (np.concatenate(parts) for parts in zip(*edges, strict=True))
-    return sparse.csr_array((lengths, (rows, columns)), shape=(index.size, index.size))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["8room_000", "Berlin_0_256"])
-def test_published_optimal_lengths(shared_data: Path, name: str) -> None:
-    file = shared_data / "movingai" / f"{name}.map"
-    free = parse_grid(file.read_text(), file)
-    rows = read_scenarios(file.with_name(file.name + ".scen"))
-    chosen = [rows[i] for i in np.linspace(0, len(rows) - 1, 5).astype(int)]
-    starts = [row.start[1] * row.width + row.start[0] for row in chosen]
-    lengths = dijkstra(octile_graph(free), directed=False, indices=starts)
-    for row, start, length in zip(chosen, starts, lengths, strict=True):
-        assert free.flat[start]
-        assert length[row.goal[1] * row.width + row.goal[0]] == pytest.approx(
-            row.optimal_length, rel=1e-5
-        )  # six digits are given
 
 
 @pytest.mark.slow

@@ -325,7 +325,9 @@ def test_published_maps(shared_data: Path, name: str, free_at_most: str, origin:
 @pytest.mark.parametrize("mode", ["trinary", "scale"])
 def test_unknown_cells_that_a_threshold_makes_free_are_warned_of(tmp_path: Path, mode: str) -> None:
     picture = grey([205, 205, 254], [0, 205, 254])
-    for image, keys in ((picture, {"free_thresh": 0.196}), (picture, {"negate": 1}), (grey([206, 254]), {})):
+    quiet: list[tuple[Image.Image, dict[str, Any]]]
+    quiet = [(picture, {"free_thresh": 0.196}), (picture, {"negate": 1}), (grey([206, 254]), {})]
+    for image, keys in quiet:
         World.load(write_map(tmp_path, image, mode=mode, **{"free_thresh": 0.25, **keys}))
     with pytest.warns(InputWarning, match="3 cells of grey 205, which map savers write for unknown, are free"):
         World.load(write_map(tmp_path, picture, mode=mode, free_thresh=0.25))

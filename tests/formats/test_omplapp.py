@@ -209,17 +209,12 @@ def test_published_solutions_are_free(shared_data: Path, name: str) -> None:
     obstacles = region(world)
     shapely.prepare(obstacles)
     assert not shapely.intersects(obstacles, bodies).any()
+    if name == "Maze":  # but with theta the other way round some collide
+        turned = placed(world.robot.outline.vertices, states * (1.0, 1.0, -1.0))
+        assert shapely.intersects(obstacles, turned).any()
     assert shapely.covers(shapely.box(*world.bounds), bodies).all()
     assert world.name == name
     assert world.queries[0].start == pytest.approx(states[0])
-
-
-@pytest.mark.slow
-def test_published_solutions_hold_only_with_theta_as_read(shared_data: Path) -> None:
-    world = World.load(shared_data / "omplapp" / "Maze_planar.cfg")
-    states = poses(np.loadtxt(shared_data / "omplapp" / "Maze_planar.path"), 0.02) * (1.0, 1.0, -1.0)
-    assert world.robot is not None
-    assert shapely.intersects(region(world), placed(world.robot.outline.vertices, states)).any()
 
 
 @pytest.mark.slow

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -28,31 +27,18 @@ __all__ = ["Scene", "plot", "png_of", "scene_of"]
 NOTEBOOK_DPI = 96
 
 
-@dataclass(frozen=True)
-class Scene:
-    """What a picture is of.
-
-    Attributes:
-        title: a name.
-        facts: a line about it.
-        world: None for a robot on its own.
-        robot: None if there is none.
-        roadmap: None if there is none.
-        path: None if there is none.
-        start: configuration; None if there is none.
-        goal: configuration, or goals; None if there is none.
-        queries: whether the world's queries belong to it.
-    """
+class Scene(NamedTuple):
+    """What a picture is of; None for what there is not."""
 
     title: str
     facts: str
-    world: World | None = None
+    world: World | None = None  # None for a robot on its own
     robot: Robot | None = None
     roadmap: Roadmap | None = None
     path: Path | None = None
     start: tuple[float, float, float] | None = None
-    goal: Any = None
-    queries: bool = False
+    goal: Any = None  # configuration or goals
+    queries: bool = False  # whether the world's queries belong to it
 
 
 def scene_of(shown: object, robot: Robot | None = None, roadmap: Roadmap | None = None) -> Scene:
