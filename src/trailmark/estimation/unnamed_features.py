@@ -3,7 +3,7 @@
 
 The first run of the filter knows neither the log's noise nor its systematic errors. What it confuses hardly harms
 these, which all readings share: once they are estimated, the filter runs again, over motions and readings set right,
-and after it the batch, which merges, assigns anew, splits and drops. Then it runs from the log's end to its start, in
+and after it the batch, which merges, assigns anew and drops. Then it runs from the log's end to its start, in
 the map that there is: where it had lost its way before, it comes from the other side. After a third run the best one
 counts.
 """
@@ -124,32 +124,6 @@ def _assigned(labels: Labels, poses: FloatArray, readings: Readings) -> Labels:
     return Labels(labels.places, feature)
 
 
-def _split(labels: Labels, poses: FloatArray, readings: Readings, confirm: int) -> Labels:
-    """Return the features with those that unassigned readings show, at least ``confirm`` in one place."""
-    free = np.flatnonzero(labels.feature < 0)
-    pose, z = poses[readings.instant[free]], readings.z[free]
-    direction = pose[:, 2] + z[:, 1]
-    seen = pose[:, :2] + z[:, :1] * np.column_stack([np.cos(direction), np.sin(direction)])
-    spread = np.maximum(readings.covariance[free, 0, 0], z[:, 0] ** 2 * readings.covariance[free, 1, 1])
-    reach = 3.0 * np.sqrt(spread + PLACE_SIGMA**2)
-    places, feature = list(labels.places), labels.feature.copy()
-    left = np.ones(len(free), dtype=bool)
-    while left.sum() >= confirm:
-        rows = np.flatnonzero(left)
-        apart = np.hypot(*(seen[rows, None] - seen[None, rows]).transpose(2, 0, 1))
-        near = apart <= np.minimum(reach[rows, None], reach[None, rows])
-        best = int(near.sum(axis=1).argmax())
-        members = rows[near[best]]
-        # One reading of each instant.
-        members = members[np.unique(readings.instant[free[members]], return_index=True)[1]]
-        if len(members) < confirm:
-            break
-        feature[free[members]] = len(places)
-        places.append(np.median(seen[members], axis=0))
-        left[members] = False
-    return Labels(np.array(places).reshape(-1, 2), feature)
-
-
 def seen_from(poses: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ranges and bearings, shape (n, m) each, of places (m, 2) from poses (n, 3)."""
     dx, dy = (places[None] - poses[:, None, :2]).transpose(2, 0, 1)
@@ -226,13 +200,12 @@ def description_length(batch: Batch, estimate: Estimate, labels: Labels) -> floa
 
 
 def _settled(batch: Batch, labels: Labels, estimate: Estimate, confirm: int) -> tuple[Labels, Estimate]:
-    """Return the features after merging, assigning, splitting and dropping."""
+    """Return the features after merging, assigning and dropping."""
     poses = estimate.solution.poses
     for _ in range(2):
         readings = batch.readings(single=True)
         labels = _merged(labels, estimate.feature_covariance(), readings.instant)
         labels = _assigned(labels, poses, readings)
-        labels = _split(labels, poses, readings, confirm)
         labels = _without_unseen(labels, poses, readings, confirm)
         estimate = batch.solve(poses, labels.places, labels.feature)
         labels, poses = Labels(estimate.solution.features, labels.feature), estimate.solution.poses
