@@ -103,7 +103,7 @@ class Penetration:
             if isinstance(self._body, Disc):
                 return np.array([shapely.transform(region, lambda rows: rows - low)]), everything
             parts = [part for part in shapely.get_parts(region) if part.geom_type == "Polygon"]
-            near = _padded([ring for part in parts for ring in _convex_pieces(part)])
+            near = _padded([ring for part in parts for ring in _convex_pieces(part) if len(ring)])  # slivers have none
         else:
             pieces, boxes = self._pieces
             inside = shapely.intersects(window, boxes)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.errors import OutputError
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
-from trailmark.exploration.result import History
+from trailmark.exploration.result import landmarks_of
 from trailmark.plotting.animation import write_gif
 from trailmark.plotting.canvas import annotate, draw_legend, figure_of, picture_of, points_per_metre, set_limits, write
 from trailmark.plotting.world import draw_end
@@ -67,9 +67,9 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> dict[str, Any]:
     Sets limits and an equal aspect.
     """
     set_limits(axes, result.world)
-    history, known = History.of(result.history), result.known
+    history, known, landmarks = result.history, result.known, landmarks_of(result.history)
     _show_cells(axes, known.origin, known.cell, picture_of_cells(known.state))
-    way, time = history.figures[:, 5:7], history.figures[:, 0]
+    way, time = np.array([row.pose[:2] for row in history]), np.array([row.time for row in history])
     pieces = LineCollection(list(np.stack([way[:-1], way[1:]], axis=1)), array=time[:-1], cmap=TIME_COLOURS)
     pieces.set(linewidths=1.6, zorder=4.0, capstyle="round")
     pieces.set_clim(time[0], max(time[-1], time[0] + 1e-9))
@@ -79,13 +79,10 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> dict[str, Any]:
     scale.outline.set_visible(False)
     bar.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
     bar.set_title("time [s]", fontsize=7, color=TEXT, loc="left")
-    _draw_marks(axes, history.landmarks())
-    _number_landmarks(axes, history.landmarks())
-    for q, colour, marker, label in (
-        (history.figures[0, 5:], START, "o", "_"),
-        (history.figures[-1, 5:], GOAL, "s", "_"),
-    ):
-        draw_end(axes, result.world.robot, q, colour, marker, label)
+    _draw_marks(axes, landmarks)
+    _number_landmarks(axes, landmarks)
+    for row, colour, marker in ((history[0], START, "o"), (history[-1], GOAL, "s")):
+        draw_end(axes, result.world.robot, row.pose, colour, marker, "_")
     return {
         "occupied": Patch(fc=OBSTACLE),
         "free": Patch(fc="white", ec=MARGIN),
@@ -169,8 +166,8 @@ class _Film:
     """The figure of an animation, of which each frame draws only what moves."""
 
     def __init__(self, result: ExplorationResult) -> None:
-        self.result, self.history = result, History.of(result.history)
-        known = result.known
+        self.result, known = result, result.known
+        self.driven = np.array([row.pose[:2] for row in result.history])
         state, self.first_known, cell = coarse(known.state, result.first_known, known.cell, MAX_CELLS)
         self.cells, self.unknown = picture_of_cells(state), picture_of_cells(np.full_like(state, UNKNOWN))
         figure, axes = figure_of(result.world)
@@ -185,7 +182,7 @@ class _Film:
         (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6, zorder=4.0)
         (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), zorder=5.0)
         (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0, zorder=6.5)
-        self.landmarks = self.history.landmarks()
+        self.landmarks = landmarks_of(result.history)
         self.marks = _draw_marks(axes, self.landmarks)
         self.body = PolyCollection([], facecolors=PATH, edgecolors="white", zorder=7.0)
         axes.add_collection(self.body, autolim=False)
@@ -197,7 +194,7 @@ class _Film:
         row, result = self.result.history[i], self.result
         known = self.first_known <= np.float32(row.time)
         self.image.set_data(np.where(known[..., None], self.cells, self.unknown))
-        self.way.set_data(*self.history.figures[: i + 1, 5:7].T)
+        self.way.set_data(*self.driven[: i + 1].T)
         self.path.set_data(*(np.empty((2, 0)) if row.path is None else row.path[:, :2].T))
         self.target.set_data(*(np.empty((2, 0)) if row.target is None else row.target[:2, None]))
         outline = None if result.world.robot is None else result.world.robot.outline.vertices
