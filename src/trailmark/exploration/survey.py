@@ -356,12 +356,14 @@ class _Places(NamedTuple):
         edges = edges if every else edges[:: -(-len(edges) // EDGES)]
         levels = self.reach.levels
         allowed = (levels > NOWHERE) & (self.refused <= refusals)
-        cells = _cells_around(allowed, self.frontiers.edges[edges], float(farthest[edges].max()))
-        if not every and len(cells) > DRAWN:
-            step = len(cells) // DRAWN
-            cells = cells[self.rng.integers(step) :: step]
-        seen = sight(self.known.state, _middles(cells), self.frontiers.edges[edges], farthest[edges])
-        cells = cells[seen.any(axis=1)]
+        around = _cells_around(allowed, self.frontiers.edges[edges], float(farthest[edges].max()))
+        step = 1 if every else max(1, len(around) // DRAWN)
+        # Some at first: what is seen from few cells alone must not be left behind, either.
+        for some in (around[self.rng.integers(step) :: step], around):
+            seen = sight(self.known.state, _middles(some), self.frontiers.edges[edges], farthest[edges])
+            cells = some[seen.any(axis=1)]
+            if len(cells) or step == 1:
+                break
         if not len(cells):
             return None
         room = levels[tuple(cells.T)]
