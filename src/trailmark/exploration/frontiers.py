@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, cos, floor, hypot, pi, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.grid import first_step
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, next_cell
-from trailmark.jit import njit
+from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["Frontiers", "frontiers_of", "sight"]
+__all__ = ["Frontiers", "frontiers_of", "places_in_sight", "sight"]
 
 GAP = 2  # Cells: as wide a gap in a surface, or a narrower one, is not looked through.
 # Rows and columns from a cell to those around it, in their order.
@@ -126,3 +126,82 @@ def sight(state: NDArray[np.uint8], places: FloatArray, ends: FloatArray, farthe
                 i, j, next_i, next_j = next_cell(i, j, step_i, step_j, next_i, next_j, each_i, each_j)
                 seen[a, b] = state[j, i] == FREE
     return seen
+
+
+@callee
+def line_is_free(state: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Return whether a line leads through free cells; the cell beyond the edge that it ends on does not count."""
+    i, j, _, _, step_i, step_j, next_i, next_j, each_i, each_j = first_step(x0, y0, x1, y1)
+    while state[j, i] == FREE:
+        if min(next_i, next_j) >= 1.0 - 1e-9:
+            return True
+        i, j, next_i, next_j = next_cell(i, j, step_i, step_j, next_i, next_j, each_i, each_j)
+    return False
+
+
+@njit(nogil=True)
+def places_in_sight(
+    state: NDArray[np.uint8],
+    ranks: NDArray[np.uint8],
+    edges: FloatArray,
+    farthest: FloatArray,
+    draws: int,
+    spacing: float,
+) -> NDArray[np.int64]:
+    """Return cells from whose centres edges are seen, drawn at random, row * columns + column, or -1; (m, draws).
+
+    Rays go from the edge's middle through free cells. Cells of the highest rank in sight are drawn from.
+
+    Args:
+        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+        ranks: of all cells, the higher the better, 0 for those that do not count, shape (rows, columns).
+        edges: middles, and the directions to the unknown cell, x, y, dx, dy, in cells, shape (m, 4).
+        farthest: from which each edge is seen at most, in cells, shape (m,).
+        draws: how many; some may be the same.
+        spacing: of rays where they end, in cells; 0.5 leaves out no cell.
+    """
+    rows, columns = state.shape
+    # Rays that leave cells out may as well leave some out along them.
+    step = max(0.7, 0.35 * spacing)
+    found = np.full((len(edges), draws), -1, np.int64)
+    tested = np.full(rows * columns, -1, np.int64)
+    least = np.empty(draws, np.uint64)
+    for j in range(len(edges)):
+        x0, y0 = edges[j, 0], edges[j, 1]
+        towards = np.arctan2(-edges[j, 3], -edges[j, 2]) - 0.5 * pi
+        rays = int(pi * farthest[j] / spacing) + 8
+        best = 1
+        least[:] = np.uint64(0xFFFFFFFFFFFFFFFF)
+        for k in range(rays):
+            angle = towards + pi * (k + 0.5) / rays
+            ux, uy = cos(angle), sin(angle)
+            far = 0.5
+            while far < farthest[j] + 1.0:
+                column, row = floor(x0 + far * ux), floor(y0 + far * uy)
+                if row < 0 or column < 0 or row >= rows or column >= columns or state[row, column] != FREE:
+                    break
+                far += step
+                place = row * columns + column
+                if ranks[row, column] < best or tested[place] == j:
+                    continue
+                tested[place] = j
+                x, y = column + 0.5, row + 0.5
+                if (x0 - x) * edges[j, 2] + (y0 - y) * edges[j, 3] <= 1e-9 or hypot(x0 - x, y0 - y) > farthest[j]:
+                    continue
+                sure = False
+                for d in range(draws):
+                    # The least of their hashes (Broder 1997): edges side by side draw the same cells where they can.
+                    mixed = np.uint64(place + 1) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(d)
+                    mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+                    mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+                    if mixed >= least[d] and ranks[row, column] == best:
+                        continue
+                    if not sure and not line_is_free(state, x, y, x0, y0):
+                        break
+                    sure = True
+                    if ranks[row, column] > best:
+                        best = ranks[row, column]
+                        least[:] = np.uint64(0xFFFFFFFFFFFFFFFF)
+                    if mixed < least[d]:
+                        least[d], found[j, d] = mixed, place
+    return found

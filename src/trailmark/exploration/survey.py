@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.exploration.frontiers import Frontiers, frontiers_of, sight
+from trailmark.exploration.frontiers import Frontiers, frontiers_of, places_in_sight, sight
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, Travel, perhaps_reached, reach_of
 from trailmark.exploration.strategies import Outlook
@@ -25,10 +25,13 @@ __all__ = ["MOST_TRIES", "Memory", "Survey", "survey"]
 
 # Free places that are clustered, landmarks of them at most, and steps of Lloyd's algorithm: a decision is quick.
 SAMPLES, MOST, STEPS = 1000, 40, 5
-# Groups of frontiers that no landmark sees, the nearest ones, for which places are looked for; edges of each, places
-# from which one of them is to be seen, and how many of these are asked whether the robot fits. Where no landmark sees
-# anything, all edges are asked, and all places: the end is proven.
-GROUPS, EDGES, DRAWN, FITTED = 60, 4, 600, 32
+# Groups of frontiers that no landmark sees, the nearest ones, for which places are looked for while there are any; and
+# edges of each of which these are to see one; of all, before the end is proven.
+GROUPS, EDGES = 60, 4
+# Cells between neighbouring rays where they end: of what is asked first, and so that no cell in sight is left out.
+SPARSE, DENSE = 4.0, 0.5
+# Places drawn of those that see an edge; as many times more, up to so many, where the robot fits at none of them.
+DRAWS, MOST_DRAWS = 4, 64
 # Share of the distance up to which an edge can be seen, from which it is looked at if possible; also of the sensor's
 # range, nearer than which a look at a cell that stays unknown is the last one. From farther away little of what lies
 # behind a frontier is in range, and it has to be driven to again.
@@ -38,7 +41,7 @@ NEAR = 0.5
 FEW = 12
 SMALL = 4  # Edges of a frontier up to which one look is enough, from wherever; it is aimed from so near, at once.
 TURNS = 32  # Headings that are tried where the robot does not fit with any.
-MOST_TRIES = 3  # As often ways to a place are looked for.
+MOST_TRIES, NO_ROOM = 3, 255  # As often ways to a place are looked for; in place of that where the robot does not fit.
 # Cells on all sides of one to which no way was found, to which none is looked for then either; where it is not certain
 # that there is a way, twice as many after each landmark in a row, so that what can be reached gets its turn.
 REFUSED = 2
@@ -60,7 +63,8 @@ class Memory:
     """What an exploration found out that the map does not tell; arrays have its shape (rows, columns)."""
 
     looked: NDArray[np.float32]  # Metres from which each cell was looked at and stayed unknown, infinite if never.
-    refused: NDArray[np.uint8]  # How often no way to a cell was found since something changed around it.
+    # How often no way to a cell was found since something changed around it; NO_ROOM where the robot does not fit.
+    refused: NDArray[np.uint8]
     # Where the robot gets to, as of the last survey; ``before``: as of when it was looked at what had changed.
     reach: Reach | None = None
     before: Reach | None = None
@@ -146,7 +150,8 @@ def survey(
         # Not between failures: noise changes the map with each reading, and other places are to get their turn.
         memory.refused[_changed(memory.before, reach, robot.circumradius / cell + 3.0)] = 0
         memory.before = reach
-    found = _Places(known, checker, reach, memory.refused, frontiers, farthest, rng).found(pose, sensor_range / cell)
+    here = (pose[:2] - np.asarray(known.origin)) / cell
+    found = _Places(known, checker, reach, memory.refused, frontiers, farthest, here, rng).found(sensor_range / cell)
     doubts = None
     if not len(found.cells):
         # From here, and from where there is most room: what lies elsewhere may have been shut since.
@@ -289,36 +294,28 @@ class _Places(NamedTuple):
     refused: NDArray[np.uint8]
     frontiers: Frontiers
     farthest: FloatArray  # From which each edge is looked at, in cells, shape (m,).
+    here: FloatArray  # Where the robot is, x, y in cells, shape (2,).
     rng: np.random.Generator
 
-    def found(self, pose: FloatArray, sensor_range: float) -> _Found:
+    def found(self, sensor_range: float) -> _Found:
         """Return places from which all frontiers are seen that can be seen from where the robot can get to.
 
         First K-means centres of free places, as many as the sensor's range (in cells) asks for; then, for each group of
-        frontiers that none of them sees from near, the middle one of some places that do. Where nothing at all is seen,
-        every edge is asked, near or far, in the end for every place: without places there is nothing left.
+        frontiers that none of them sees from near, the middle one of places drawn of those that do. Where nothing at
+        all is seen, every edge is asked, near or far, in the end for every place: without places nothing is left.
         """
-        edges, group = self.frontiers.edges, self.frontiers.group
+        edges, every = self.frontiers.edges, len(self.frontiers.edges)
         cells = self._centres(sensor_range)
         headings, sees = np.full(len(cells), np.nan), self._sees(cells)
         few = self.frontiers.sizes <= FEW
-        near = self.farthest * np.where(few[group], 1.0, NEAR)
-        here = (pose[:2] - np.asarray(self.known.origin)) / self.known.cell
-        away = np.full(len(few), np.inf)
-        np.minimum.at(away, group, np.hypot(*(edges[:, :2] - here).T))
-        nearest = np.argsort(away, kind="stable")
-        stages = [(near, GROUPS, 0), (self.farthest, GROUPS, 0)]
-        stages += [(self.farthest, 0, refusals) for refusals in range(MOST_TRIES)]
-        for farthest, most, refusals in stages if len(edges) else ():
-            seen = np.isin(nearest, group[(sees & _is_within(cells, edges, farthest)).any(axis=0)])
-            for g in nearest[~seen][: most or None].tolist():
-                place = self._place(np.flatnonzero(group == g), farthest, refusals, every=not most)
-                if place is None:
-                    continue
-                cells, headings = np.vstack([cells, place[0]]), np.append(headings, place[1])
-                sees = np.vstack([sees, self._sees(place[0][None])])
-                if not most:
-                    break
+        near = self.farthest * np.where(few[self.frontiers.group], 1.0, NEAR)
+        stages = [(near, EDGES, SPARSE, 0), (self.farthest, every, SPARSE, 0)]
+        stages += [(self.farthest, every, DENSE, refusals) for refusals in range(MOST_TRIES)]
+        for farthest, most, spacing, refusals in stages if every else ():
+            seen = np.asarray((sees & _is_within(cells, edges, farthest)).any(axis=0))
+            more, more_headings = self._seeing(seen, farthest, most, spacing, refusals)
+            cells, headings = np.concatenate([cells, more]), np.concatenate([headings, more_headings])
+            sees = np.concatenate([sees, self._sees(more)])
             if sees.any():
                 break
         useful = sees.any(axis=1)
@@ -340,49 +337,80 @@ class _Places(NamedTuple):
     def _sees(self, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
         return np.asarray(sight(self.known.state, _middles(cells), self.frontiers.edges, self.farthest))
 
-    def _place(
-        self, edges: NDArray[np.intp], farthest: FloatArray, refusals: int, every: bool
-    ) -> tuple[NDArray[np.intp], float] | None:
-        """Return a cell from which one of some edges is seen, and a heading with which the robot fits there.
-
-        Of those with most room, it is the one nearest to their middle. None if no cell is found, of all or of some.
+    def _seeing(
+        self, seen: NDArray[np.bool_], farthest: FloatArray, edges: int, spacing: float, refusals: int
+    ) -> tuple[NDArray[np.intp], FloatArray]:
+        """Return a place for each group of frontiers that nothing sees yet, if one is found, and headings there.
 
         Args:
-            edges: numbers of a group's edges.
-            farthest: in cells, from which each of all edges is to be seen.
-            refusals: as often no way may have been found to the place.
-            every: whether to ask for every edge and every cell.
+            seen: which edges are, shape (m,).
+            farthest: in cells, from which each edge is to be seen, shape (m,).
+            edges: of each group that places are sought for.
+            spacing: of rays, in cells.
+            refusals: as often no way may have been found to a place.
         """
-        edges = edges if every else edges[:: -(-len(edges) // EDGES)]
-        levels = self.reach.levels
-        allowed = (levels > NOWHERE) & (self.refused <= refusals)
-        around = _cells_around(allowed, self.frontiers.edges[edges], float(farthest[edges].max()))
-        step = 1 if every else max(1, len(around) // DRAWN)
-        # Some at first: what is seen from few cells alone must not be left behind, either.
-        for some in (around[self.rng.integers(step) :: step], around):
-            seen = sight(self.known.state, _middles(some), self.frontiers.edges[edges], farthest[edges])
-            cells = some[seen.any(axis=1)]
-            if len(cells) or step == 1:
+        group, (_, columns), draws = self.frontiers.group, self.known.state.shape, DRAWS
+        thorough = edges > EDGES
+        left = np.flatnonzero(~np.isin(group, group[seen]))
+        if not thorough:
+            away = np.full(len(self.frontiers.sizes), np.inf)
+            np.minimum.at(away, group[left], np.hypot(*(self.frontiers.edges[left, :2] - self.here).T))
+            left = left[np.isin(group[left], np.argsort(away, kind="stable")[:GROUPS])]
+        left = _some_of_each(left, group, edges)
+        while True:
+            ranks = np.where(self.refused <= refusals, self.reach.levels, np.uint8(NOWHERE))
+            found = places_in_sight(self.known.state, ranks, self.frontiers.edges[left], farthest[left], draws, spacing)
+            places = np.unique(found[found >= 0])
+            headings = self._headings(places)
+            fits = ~np.isinf(headings)
+            self.refused.ravel()[places[~fits]] = NO_ROOM
+            if fits.any() or fits.all() or not thorough:
                 break
-        if not len(cells):
-            return None
-        room = levels[tuple(cells.T)]
-        middle = cells[room == room.max()].mean(axis=0)
-        order = np.lexsort([np.square(cells - middle).sum(axis=1), -room.astype(np.intp)])
-        if room[order[0]] == CERTAIN:
-            return cells[order[0]], np.nan
-        order = order if every else order[:: -(-len(order) // FITTED)]
-        theta = wrap(np.arange(TURNS) * 2.0 * np.pi / TURNS)
-        for some in np.split(cells[order], range(FITTED, len(order), FITTED)):
-            xy = self.known.centres(*some.T)
-            states = np.column_stack([np.repeat(xy, TURNS, axis=0), np.tile(theta, len(xy))])
-            fits = np.flatnonzero(self.checker.valid(states))
-            if len(fits):
-                return some[fits[0] // TURNS], float(states[fits[0], 2])
-        return None
+            draws = min(DRAWS * draws, MOST_DRAWS)
+        chosen = _middle_places(found, np.isin(found, places[fits]), group[left], columns)
+        return np.column_stack(np.divmod(chosen, columns)), headings[np.searchsorted(places, chosen)]
+
+    def _headings(self, places: NDArray[np.int64]) -> FloatArray:
+        """Return a heading with which the robot fits at each place: not a number for any, infinite for none."""
+        headings = np.where(self.reach.levels.ravel()[places] == CERTAIN, np.nan, np.inf)
+        xy = self.known.centres(*np.divmod(places, self.refused.shape[1]))
+        for theta in wrap(np.arange(TURNS) * 2.0 * np.pi / TURNS):
+            tight = np.flatnonzero(np.isinf(headings))
+            valid = self.checker.valid(np.column_stack([xy[tight], np.full(len(tight), theta)]))
+            headings[tight[valid]] = theta
+        return headings
 
 
 def _is_within(cells: NDArray[np.intp], edges: FloatArray, farthest: FloatArray) -> NDArray[np.bool_]:
     """Return which edges lie within the distance that each is looked at from, places by edges, shape (n, m)."""
     away = np.hypot(*(_middles(cells)[:, None] - edges[:, :2]).transpose(2, 0, 1))
     return np.asarray(away <= farthest)
+
+
+def _some_of_each(chosen: NDArray[np.intp], group: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Return of the chosen edges at most some of each group."""
+    order = chosen[np.argsort(group[chosen], kind="stable")]
+    sizes = np.bincount(group[order])
+    rank = np.arange(len(order)) - (np.cumsum(sizes) - sizes)[group[order]]
+    every = np.maximum(-(-sizes // most), 1)[group[order]]
+    return np.asarray(order[rank % every == 0])
+
+
+def _middle_places(
+    found: NDArray[np.int64], good: NDArray[np.bool_], group: NDArray[np.intp], columns: int
+) -> NDArray[np.int64]:
+    """Return for each group the good place that is nearest to the K-means centre of its good places, shape (n,).
+
+    Args:
+        found: row * columns + column of places, shape (edges, draws).
+        good: which of them count, shape (edges, draws).
+        group: of each edge.
+        columns: of the grid.
+    """
+    chosen = list[int]()
+    for g in np.unique(group):
+        places = found[group == g][good[group == g]]
+        if len(places):
+            cells = np.column_stack(np.divmod(places, columns))
+            chosen.append(int(places[np.square(cells - cells.mean(axis=0)).sum(axis=1).argmin()]))
+    return np.unique(np.array(chosen, dtype=np.int64))
