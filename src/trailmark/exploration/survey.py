@@ -340,14 +340,9 @@ class _Places(NamedTuple):
     def _seeing(
         self, seen: NDArray[np.bool_], farthest: FloatArray, edges: int, spacing: float, refusals: int
     ) -> tuple[NDArray[np.intp], FloatArray]:
-        """Return a place for each group of frontiers that nothing sees yet, if one is found, and headings there.
+        """Return a place for each group of frontiers that no place sees from near enough, and headings there.
 
-        Args:
-            seen: which edges are, shape (m,).
-            farthest: in cells, from which each edge is to be seen, shape (m,).
-            edges: of each group that places are sought for.
-            spacing: of rays, in cells.
-            refusals: as often no way may have been found to a place.
+        It is found by rays, so many cells apart, from so many edges of a group; a way there may have been refused.
         """
         group, (_, columns), draws = self.frontiers.group, self.known.state.shape, DRAWS
         thorough = edges > EDGES
@@ -399,14 +394,7 @@ def _some_of_each(chosen: NDArray[np.intp], group: NDArray[np.intp], most: int) 
 def _middle_places(
     found: NDArray[np.int64], good: NDArray[np.bool_], group: NDArray[np.intp], columns: int
 ) -> NDArray[np.int64]:
-    """Return for each group the good place that is nearest to the K-means centre of its good places, shape (n,).
-
-    Args:
-        found: row * columns + column of places, shape (edges, draws).
-        good: which of them count, shape (edges, draws).
-        group: of each edge.
-        columns: of the grid.
-    """
+    """Return for each group, by edge, the good one of the places found that is nearest to their middle, shape (n,)."""
     chosen = list[int]()
     for g in np.unique(group):
         places = found[group == g][good[group == g]]
