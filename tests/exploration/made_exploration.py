@@ -7,12 +7,12 @@ import math
 from functools import cache
 
 import numpy as np
-import shapely
 
 from trailmark import Rectangle, Robot, World
 from trailmark.collision import StateChecker
-from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.estimation.records import Increment, Log, Pose, Record
+from trailmark.estimation.virtual_sensors import RayCaster, Scanner
+from trailmark.exploration.known_map import UNKNOWN, KnownMap
 from trailmark.exploration.result import Evaluation, ExplorationProgress, ExplorationResult, ExplorationSettings
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
@@ -38,7 +38,7 @@ CELL, RANGE, BEAMS, PERIOD, STEP = 0.1, 3.0, 120, 0.2, 0.1
 def made_exploration() -> ExplorationResult:
     """Return the outcome; the same at every call."""
     known = KnownMap(ROOMS.bounds, CELL)
-    solid = shapely.union_all([shape.polygon().shapely() for shape in ROOMS.obstacles])
+    laser, caster, rng = Scanner(BEAMS, 2.0 * math.pi, RANGE, sigma=0.0), RayCaster(ROOMS), np.random.default_rng(0)
     first = np.full(known.state.shape, np.inf, dtype=np.float32)
     records: list[Record] = [Pose(0.0, *_row(STOPS[0], 0.0))]
     history, here, distance, time = list[ExplorationProgress](), np.array(_row(STOPS[0], 0.0)), 0.0, 0.0
@@ -51,9 +51,9 @@ def made_exploration() -> ExplorationResult:
                 records.append(Increment.between(time, tuple(here.tolist()), tuple(there.tolist())))
                 distance += float(np.hypot(*(there - here)[:2]))
             here = there
-            scan = _scan(time, here, solid)
+            scan = laser.sweep(time, here, caster, rng)
             records.append(scan)
-            _reveal(known, here, scan)
+            known.add_scan(scan, here, RANGE)
             first[(known.state != UNKNOWN) & np.isinf(first)] = time
             done = k == steps
             event = f"landmark {leg + 1} reached" if done else ""
@@ -82,35 +82,10 @@ def made_exploration() -> ExplorationResult:
         seconds=1.5,
         decisions=np.array([0.02, 0.03, 0.05, 0.04]),
         evaluation=Evaluation(0.998, 0, 2.9),
+        contacts=np.empty((0, 2)),
         robot_state={"truth": [[0.0, 1.0, 1.0, 0.0]]},
     )
 
 
 def _row(xy: FloatArray, theta: float) -> tuple[float, float, float]:
     return float(xy[0]), float(xy[1]), theta
-
-
-def _scan(time: float, pose: FloatArray, solid: shapely.Geometry) -> Scan:
-    angles = -math.pi + 2.0 * math.pi / BEAMS * np.arange(BEAMS)
-    away = np.arange(0.0, RANGE, 0.02)
-    bearing = pose[2] + angles[:, None]
-    x, y = pose[0] + away * np.cos(bearing), pose[1] + away * np.sin(bearing)
-    xmin, ymin, xmax, ymax = ROOMS.bounds
-    hit = shapely.contains_xy(solid, x, y) | (x < xmin) | (x > xmax) | (y < ymin) | (y > ymax)
-    ranges = np.where(hit.any(axis=1), away[hit.argmax(axis=1)], np.inf)
-    return Scan(time, ranges, -math.pi, 2.0 * math.pi / BEAMS, RANGE)
-
-
-def _reveal(known: KnownMap, pose: FloatArray, scan: Scan) -> None:
-    state = known.state.copy()
-    bearings = pose[2] + scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
-    ends = np.minimum(scan.ranges, RANGE)
-    for share in np.linspace(0.0, 0.98, 60):
-        at = pose[:2] + (share * ends)[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
-        rows, columns = known.cells_of(at)
-        state[rows, columns] = np.where(state[rows, columns] == OCCUPIED, OCCUPIED, FREE)
-    met = np.isfinite(scan.ranges)
-    at = pose[:2] + ends[met, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])[met]
-    rows, columns = known.cells_of(at)
-    state[rows, columns] = OCCUPIED
-    known.set_state(state)

@@ -18,11 +18,11 @@ from trailmark.estimation.models import RangeBearing
 from trailmark.estimation.readers.jsonl import write_jsonl
 from trailmark.estimation.records import Detection, Log
 from trailmark.estimation.virtual_sensors import Detector
-from trailmark.exploration.detection_mapper import DetectionMapper
+from trailmark.exploration.detection_mapper import DetectionMapper, aligned
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.exploration.result import ExplorationSettings
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector
-from trailmark.se2 import between, compose
+from trailmark.se2 import FloatArray, between, compose, transform
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -109,21 +109,19 @@ def test_with_noise_what_may_be_outside_the_bounds_is_closed() -> None:
     assert not (mapper.known.state[0] == OCCUPIED).all()
 
 
-@pytest.mark.slow
 def test_what_was_freed_from_a_pose_that_had_drifted_is_forgotten() -> None:
     robot, mapper = begun(0.0)
     drive(robot, mapper, 5)
     before = mapper.known.state == FREE
-    # Beyond the range of all discs nothing sets the pose right; then it is, by much.
-    robot.drive(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), 1.0)
-    mapper._sigmas.append(1.0)
-    mapper._looks[80:100, 100:120] = 1
-    mapper._since[80:100, 100:120] = len(mapper._sigmas)
-    mapper._free[80:100, 100:120] = True
-    mapper._sigmas.append(1e-3)
-    mapper._forget_drift()
-    assert not mapper._free[80:100, 100:120].any()
+    # Looked at from where the pose was less sure by a cell and more than it is now, and from where it was not.
+    for rows, sigma in ((slice(80, 90), 1.0), (slice(100, 110), 0.0)):
+        mapper._looks[rows, 100:120], mapper._sigma[rows, 100:120], mapper._free[rows, 100:120] = 1, sigma, True
     mapper.take(robot.sense())
+    robot.drive(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), 1.0)
+    mapper.take(robot.sense())
+    assert not mapper._looks[80:90, 100:120].any()
+    assert not (mapper.known.state[80:90, 100:120] == FREE).any()
+    assert mapper._looks[100:110, 100:120].all()
     assert (mapper.known.state == FREE)[before].mean() > 0.98
 
 
@@ -218,3 +216,36 @@ def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path
         nearest = min(WORLD.obstacles, key=lambda true: np.hypot(*np.subtract(true.center, disc.center)))  # type: ignore[union-attr]
         assert disc.radius == nearest.radius  # type: ignore[union-attr]
         assert disc.center == pytest.approx(nearest.center, abs=0.1)  # type: ignore[union-attr]
+
+
+def detected(pose: FloatArray, places: FloatArray) -> FloatArray:
+    """Return places in the robot's frame, by complex numbers."""
+    turned = ((places[:, 0] - pose[0]) + 1j * (places[:, 1] - pose[1])) * np.exp(-1j * pose[2])
+    return np.column_stack([turned.real, turned.imag])
+
+
+@pytest.mark.parametrize("identified", [True, False])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_pose_is_found_among_noise_and_wrong_detections(seed: int, identified: bool) -> None:
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(0.0, 20.0, (30, 2))
+    pose = np.array([*rng.uniform(5.0, 15.0, 2), rng.uniform(-3.0, 3.0)])
+    seen = rng.choice(30, 7, replace=False)
+    points = detected(pose, places[seen]) + rng.normal(size=(7, 2)) * 0.01
+    points[0] += [3.0, -2.0]  # a wrong one
+    every = np.arange(30)
+    found = aligned(points, places, [np.array([i]) if identified else every for i in seen], 0.05)
+    assert found is not None
+    assert found.unique
+    assert 6 <= found.matched <= 7
+    assert found.pose == pytest.approx(pose, abs=0.03)
+    assert transform(found.pose, points[1:]) == pytest.approx(places[seen[1:]], abs=0.08)
+
+
+def test_two_places_that_look_alike_are_not_told_apart() -> None:
+    corner = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0]])
+    places = np.concatenate([corner, corner + np.array([20.0, 5.0])])
+    found = aligned(detected(np.array([1.0, 1.0, 0.5]), corner), places, [np.arange(6)] * 3, 0.05)
+    assert found is not None
+    assert found.matched == 3
+    assert not found.unique

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from tests.helpers.trials import few
 
 from trailmark import Path, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import build_footprint
-from trailmark.exploration.following import STEP, PathFollower, way_back, way_back_to
+from trailmark.exploration.following import STEP, PathFollower, contact_points, way_back, way_back_to
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.se2 import compose, difference
 
@@ -93,13 +94,6 @@ def test_what_does_not_endanger_it_is_not_met(robot: Robot) -> None:
     assert outcomes.count((False, True)) >= few(40)
 
 
-def test_the_way_back_is_what_was_driven_last() -> None:
-    driven = np.column_stack([np.arange(6.0), np.zeros((6, 2))])
-    np.testing.assert_array_equal(way_back(driven, 2.5, 0.3)[:, 0], [5.0, 4.0, 3.0, 2.0])
-    assert len(way_back(driven, 100.0, 0.3)) == 6
-    assert len(way_back(driven[:1], 1.0, 0.3)) == 1
-
-
 def test_where_the_robot_stood_the_way_back_has_one_row() -> None:
     driven = np.zeros((400, 3))
     driven[200:, 0] = 0.01 * np.arange(200)
@@ -109,6 +103,9 @@ def test_where_the_robot_stood_the_way_back_has_one_row() -> None:
     steps = -np.diff(back[:, 0])
     assert (steps[:-1] >= STEP - 1e-9).all()
     assert (steps <= 2.0 * STEP + 0.01).all()
+    rows = np.column_stack([np.arange(6.0), np.zeros((6, 2))])
+    np.testing.assert_array_equal(way_back(rows, 2.5, 0.3)[:, 0], [5.0, 4.0, 3.0, 2.0])
+    assert [len(way_back(rows[:n], 100.0, 0.3)) for n in (6, 1)] == [6, 1]
 
 
 def test_the_way_back_is_driven_through_what_the_map_takes_for_closed_by_a_cell_alone() -> None:
@@ -117,18 +114,31 @@ def test_the_way_back_is_driven_through_what_the_map_takes_for_closed_by_a_cell_
     driven = np.column_stack([np.arange(0.5, 5.05, 0.1), np.full(46, 2.0), np.zeros(46)])
     there = np.zeros(state.shape, np.bool_)
     there[:, :10] = True
-    footprint = build_footprint(robot)
-    back = way_back_to(there, driven, known, robot, footprint)
+    known.set_state(state)
+    back = way_back_to(there, driven, known, robot)
     assert back is not None
-    np.testing.assert_array_equal(back.rest[0], driven[-1])
-    assert 0.9 <= back.target[0] < 1.0
+    np.testing.assert_array_equal(back.states[0], driven[-1])
+    assert 0.9 <= back.states[-1, 0] < 1.0
     # A surface that reaches a cell into the robot's way, then two.
     for row, free in ((22, True), (20, False)):
         state[row, 30] = OCCUPIED
         known.set_state(state)
-        assert (way_back_to(there, driven, known, robot, footprint) is not None) == free
-        assert back.endangered(known) != free
-    assert way_back_to(~there & (np.arange(60) > 50), driven[:20], known, robot, footprint) is None
+        assert (way_back_to(there, driven, known, robot) is not None) == free
+    assert way_back_to(~there & (np.arange(60) > 50), driven[:20], known, robot) is None
     known.set_state(np.full(state.shape, FREE))
-    ahead_alone = Robot.rectangle(0.6, 0.4).steered(0.5, reverse=False)
-    assert way_back_to(there, driven, known, ahead_alone, footprint) is None
+    assert way_back_to(there, driven, known, Robot.rectangle(0.6, 0.4).steered(0.5, reverse=False)) is None
+
+
+@pytest.mark.parametrize("robot", [Robot.disc(0.2), Robot.rectangle(0.6, 0.3)], ids=["disc", "rectangle"])
+@pytest.mark.parametrize("motion", [(0.3, 0.0, 0.0), (0.0, 0.0, 0.4), (-0.1, 0.2, -0.3)])
+def test_contact_lies_ahead_and_not_where_the_robot_stands(robot: Robot, motion: tuple[float, float, float]) -> None:
+    here, cell = np.array([1.0, 2.0, 0.7]), 0.05
+    points = contact_points(robot, np.array([here, here + motion]), cell)
+    if robot.sweep_radius == 0.0 and motion[0] == 0.0:
+        assert len(points) == 0  # a round robot turns within itself
+        return
+    body = shapely.affinity.rotate(robot.outline.shapely(), here[2], origin=(0.0, 0.0), use_radians=True)
+    body = shapely.affinity.translate(body, *here[:2])
+    away = shapely.distance(shapely.points(points), body)
+    assert not shapely.contains_xy(body, *points.T).any()
+    assert 0.5 * cell <= away.max() <= 2.0 * cell + 1e-9

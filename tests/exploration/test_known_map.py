@@ -42,10 +42,9 @@ def entered(
     return known
 
 
-def solid(world: World, kind: str = "") -> shapely.Geometry:
-    """Return what a world's obstacles cover, those of one kind."""
-    shapes = [s for s, name in zip(world.obstacles, world.ids, strict=True) if (name or "").startswith(kind)]
-    return shapely.union_all([shape.polygon(1e-4).shapely() for shape in shapes])
+def solid(world: World) -> shapely.Geometry:
+    """Return what a world's obstacles cover."""
+    return shapely.union_all([shape.polygon(1e-4).shapely() for shape in world.obstacles])
 
 
 def followed(known: KnownMap, world: World | None = None) -> World:
@@ -85,22 +84,14 @@ PLACES = [*line((1.5, 1.0), (6.0, 3.2), 25, 0.3), *line((6.0, 3.2), (2.0, 4.4), 
 
 
 @pytest.mark.slow
-def test_without_noise_nothing_that_is_larger_than_the_gap_of_beams_is_taken_for_free() -> None:
+def test_without_noise_surfaces_are_occupied_and_nothing_larger_than_the_gap_of_beams_is_free() -> None:
     known = entered(room(*THINGS), PLACES)
     true = shapely.union_all([thing.polygon(1e-4).shapely() for thing in THINGS])
     open_space = shapely.difference(shapely.box(*ROOM), solid(followed(known)))
     # What a disc of three cells can get to; all of it was seen from at most 4 m.
-    reached = open_space.buffer(-3 * CELL).buffer(2.99 * CELL)
-    wrong = shapely.intersection(reached, true)
+    wrong = shapely.intersection(open_space.buffer(-3 * CELL).buffer(2.99 * CELL), true)
     assert wrong.area < 1e-3
     assert shapely.distance(shapely.points(shapely.get_coordinates(wrong)), true.boundary).max(initial=0.0) < 4.0 * GAP
-
-
-@pytest.mark.slow
-def test_surfaces_are_occupied_and_little_else_is() -> None:
-    world = room(*THINGS)
-    known = entered(world, PLACES)
-    true = shapely.union_all([thing.polygon(1e-4).shapely() for thing in THINGS])
     walls = shapely.union(true.boundary, shapely.box(*ROOM).exterior)
     away = shapely.distance(walls, shapely.points(known.centres(*np.nonzero(known.state == OCCUPIED))))
     assert np.quantile(away, 0.98) < 0.71 * CELL
@@ -198,8 +189,7 @@ def test_what_a_scan_says_of_the_map() -> None:
     assert same.against <= 5
     elsewhere = known.agreement(scan, np.array([5.0, 2.5, 2.0]), 6.0)
     assert elsewhere.is_strange
-    assert elsewhere.through > 50
-    assert elsewhere.new > 50
+    assert min(elsewhere.through, elsewhere.new) > 0.07 * elsewhere.beams
     nothing = known.agreement(scan._replace(ranges=np.full(720, np.inf)), pose, 6.0)
     assert nothing.is_strange
 

@@ -16,8 +16,15 @@ from tests.helpers.trials import trials
 
 from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.passages import way_towards
-from trailmark.exploration.reachability import CERTAIN, NOWHERE, TIGHT, Travel, costs_between, reach_of
+from trailmark.exploration.reachability import (
+    CERTAIN,
+    NOWHERE,
+    TIGHT,
+    Travel,
+    costs_between,
+    perhaps_reached,
+    reach_of,
+)
 
 CELL = 0.1
 
@@ -97,9 +104,8 @@ def test_nowhere_is_never_where_a_lattice_of_configurations_leads(seed: int) -> 
     assert [place for place in places if levels[place] == NOWHERE] == []
     # Where surfaces lie in occupied cells is not known: no less is left then.
     for blocked in (UNKNOWN, OCCUPIED):
-        known = known_of(free, blocked)
-        far = sorted(places, key=lambda place: -math.dist(place, (4, 3)))[:4]
-        assert [place for place in far if way_towards(known, been, robot, np.array([place]))[0] is None] == []
+        perhaps = perhaps_reached(known_of(free, blocked), been, robot)
+        assert [place for place in places if not perhaps[place]] == []
 
 
 @pytest.mark.parametrize("robot", [Robot.disc(0.2), Robot.rectangle(0.5, 0.2), Robot.disc(0.1).keeping(0.1)])
@@ -152,12 +158,17 @@ def test_occupied_cells_are_no_proof_of_more_than_a_surface_in_them() -> None:
     been = np.zeros(state.shape, np.bool_)
     been[known.cells_of(ends[0][None, :2])] = True
     known.set_state(state.astype(np.uint8))
-    there = np.column_stack(known.cells_of(ends[1][None, :2]))
-    assert way_towards(known, been, Robot.disc(0.2), there)[0] is not None
+    there = known.cells_of(ends[1][None, :2])
+
+    def perhaps(radius: float) -> bool:
+        return bool(perhaps_reached(known, been, Robot.disc(radius))[there])
+
+    assert perhaps(0.2)
+    assert not perhaps(0.25)
     # What is unknown stands in the way as a whole.
     state[state == OCCUPIED] = UNKNOWN
     known.set_state(state.astype(np.uint8))
-    assert way_towards(known, been, Robot.disc(0.2), there)[0] is None
+    assert not perhaps(0.2)
 
 
 lengths = partial(nx.single_source_dijkstra_path_length, weight="cost")

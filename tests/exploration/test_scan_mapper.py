@@ -48,24 +48,16 @@ def drive(robot: SimulatedRobot, mapper: ScanMapper, times: int, step: tuple[flo
 
 
 @pytest.mark.slow
-def test_exact_odometry_is_taken_as_exact() -> None:
-    robot, mapper = begun(0.0)
+@pytest.mark.parametrize(("noise", "off"), [(0.0, 1e-9), (1.0, 0.02)], ids=["taken as exact", "set right by scans"])
+def test_the_pose_is_as_exact_as_odometry_and_scans_make_it(noise: float, off: float) -> None:
+    robot, mapper = begun(noise)
     intakes = drive(robot, mapper, 30, (0.1, 0.0, 0.04))
     assert all((intake.readings, intake.refused, intake.lost) == (1, (), False) for intake in intakes)
-    assert mapper.pose == pytest.approx(robot.pose, abs=1e-9)
-    assert not mapper.covariance.any()
-    assert (mapper.known.state == FREE).sum() * mapper.known.cell**2 > 30.0
-
-
-@pytest.mark.slow
-def test_noisy_odometry_is_set_right_by_scans() -> None:
-    robot, mapper = begun()
-    intakes = drive(robot, mapper, 30, (0.1, 0.0, 0.04))
-    assert all((intake.readings, intake.refused, intake.lost) == (1, (), False) for intake in intakes)
-    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.02
+    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < off
+    assert mapper.covariance.any() == (noise > 0.0)
     assert len(mapper.trajectory) == len(mapper.covariances) == 31
-    inside = mapper.known.state[mapper.known.cells_of(np.array([[6.0, 2.0], [3.0, 6.0]]))]
-    assert (inside != FREE).all()
+    assert (mapper.known.state == FREE).sum() * mapper.known.cell**2 > 30.0
+    assert (mapper.known.state[mapper.known.cells_of(np.array([[6.0, 2.0], [3.0, 6.0]]))] != FREE).all()
 
 
 @pytest.mark.slow

@@ -78,15 +78,6 @@ def test_a_reading_at_the_start_and_one_for_each_moment() -> None:
     assert np.array_equal(robot.truth, [[0.0, *START], [0.5, *START]])
 
 
-def test_a_drive_in_pieces_leads_where_the_whole_does() -> None:
-    robot = laser(noise=0.0)
-    reports = [robot.drive(ahead(2.0 - 0.3 * i), 0.3) for i in range(7)]
-    assert [report.arrived for report in reports] == [False] * 6 + [True]
-    assert robot.pose == pytest.approx([3.0, 2.0, 0.0])
-    assert robot.time == pytest.approx(2.0)
-    assert (np.diff(robot.truth[:, 0]) > 0.0).all()
-
-
 @pytest.mark.slow
 def test_records_state_the_noise_that_there_is() -> None:
     """Errors of drives, normalised by the covariance of their composed records, have the mean 3 of a chi-square."""
@@ -129,7 +120,7 @@ def test_it_goes_on_where_it_was() -> None:
     assert isinstance(others[-1], Scan)
     assert np.array_equal(records[-1].ranges, others[-1].ranges)
     assert np.array_equal(robot.truth, again.truth)
-    assert (robot.collisions, robot.time, robot.distance) == (again.collisions, again.time, again.distance)
+    assert (robot.collisions, robot.time) == (again.collisions, again.time)
     with pytest.raises(ConfigurationError, match="robot's place"):
         SimulatedRobot(World("full", WORLD.bounds, (Rectangle((5.0, 2.0), 3.0, 3.0),)), ROBOT, START, SENSOR).restore(
             robot.state()

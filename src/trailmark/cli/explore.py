@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -108,7 +109,7 @@ def explore(
         explorer, words = beginning.explorer(hidden, saved, limits, return_home), beginning.kept()
 
         def keep() -> None:
-            keep_exploration(explorer.saved()._replace(options=words), folder)
+            keep_exploration(replace(explorer.saved(), options=words), folder)
 
         def follow(state: ExplorationProgress) -> None:
             progress.details = (

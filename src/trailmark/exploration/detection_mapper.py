@@ -19,12 +19,12 @@ from trailmark.estimation.ekf_slam import AssociationMethod, EkfSlam, MapFeature
 from trailmark.estimation.map_settings import MapSettings
 from trailmark.estimation.mapping import map_log
 from trailmark.estimation.models import as_range_bearing
-from trailmark.estimation.records import Detection, Increment, Log, Pose, Record
+from trailmark.estimation.records import Detection, Log, Record
 from trailmark.estimation.virtual_sensors import Detector, RayCaster
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.mapper import CARRIED, Belief, RecordChecks
+from trailmark.exploration.mapper import CARRIED, Belief, Mapper
 from trailmark.exploration.result import ExplorationSettings
-from trailmark.se2 import FloatArray, between, difference, transform, wrap
+from trailmark.se2 import FloatArray, difference, transform, wrap
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -33,38 +33,20 @@ __all__ = ["Alignment", "DetectionMapper", "aligned"]
 
 IntArray = NDArray[np.intp]
 
-NEAREST: Final = 8
-"""Detections, at most, of which pairs are tried: near ones are the most precise."""
-
-APART: Final = 0.5, 0.3
-"""Metres and radians between two poses that are not the same."""
-
-
-GATE: Final = 1.0 - 1e-6
-"""Probability with which a reading of a known disc fits it."""
-
+NEAREST: Final = 8  # Detections, at most, of which pairs are tried: near ones are the most precise.
+APART: Final = 0.5, 0.3  # Metres and radians between two poses that are not the same.
+GATE: Final = 1.0 - 1e-6  # Probability with which a reading of a known disc fits it.
+# Probability with which all readings of a sweep together are as near to the map.
 SURE: Final = 0.999
-"""Probability with which all readings of a sweep together are as near to the map; else wheels have slipped."""
-
-STRANGE: Final = 3
-"""Sweeps in a row that do not fit the map, after which the robot is lost."""
-
-SLIP: Final = 0.5, 0.3
-"""Metres and radians by which wheels may slip between two sweeps: the robot is found again without being lost."""
-
-DISCS: Final = 20
-"""Discs that a path comes near, over which the risk is spread."""
+DISCS: Final = 20  # Discs that a path comes near, over which the risk is spread.
 
 
 class Alignment(NamedTuple):
     """A pose, and what speaks for it."""
 
-    pose: FloatArray
-    """Shape (3,)."""
-    matched: int
-    """Detections that lie on points of the map under it."""
-    unique: bool
-    """Whether fewer do under any pose that is not near it."""
+    pose: FloatArray  # Shape (3,).
+    matched: int  # Detections that lie on points of the map under it.
+    unique: bool  # Whether fewer do under any pose that is not near it.
 
 
 def aligned(
@@ -127,8 +109,8 @@ def _rigid(points: FloatArray, places: FloatArray) -> FloatArray:
     return np.append(places.mean(axis=0) - turned, theta)
 
 
-class DetectionMapper:
-    """A :class:`trailmark.exploration.mapper.Mapper` for a detector of discs.
+class DetectionMapper(Mapper):
+    """A mapper for a detector of discs.
 
     Cells are free where each disc that could reach into them would have been seen: its centre in range, and not behind
     a disc. Discs are taken not to overlap.
@@ -155,33 +137,29 @@ class DetectionMapper:
         settings: ExplorationSettings,
         radii: Mapping[int, float] | None = None,
     ) -> None:
-        self.known, self.records, self._radii = known, list[Record](), dict(radii or {})
+        super().__init__(start, known, robot, settings, Detection, sensor.max_range)
+        self._radii, self._sensor, self._model = dict(radii or {}), sensor, MapSettings()
         self._largest = max(self._radii.values(), default=sensor.max_radius)
         if not math.isfinite(self._largest):
             raise ConfigurationError(
                 "sensor: expected a detector with a finite max_radius, got one for discs of any size"
             )
-        self._start, self._sensor, self._robot = np.asarray(start, dtype=np.float64), sensor, robot
-        self._checks, self._model = RecordChecks(Detection, sensor.max_range), MapSettings()
         association: AssociationMethod = "known" if sensor.identities else "joint"
-        slam = replace(self._model.slam, association=association)
         self._slam = EkfSlam(
             sensor.model,
             velocity=self._model.velocity,
             increment=self._model.increment,
-            settings=slam,
+            settings=replace(self._model.slam, association=association),
             start=self._start,
         )
         risk = 0.0 if settings.confidence is None else (1.0 - settings.confidence) / DISCS
         self._spread = math.sqrt(float(chi_square_quantile(1.0 - risk, 2))) if risk else 0.0
         self._growth = dict[int, float]()
-        # How often each cell was looked at, up to what is enough, and the sweep by which that was reached.
-        self._looks, self._since = np.zeros(known.state.shape, np.uint8), np.zeros(known.state.shape, np.int32)
-        self._sigmas = list[float]()  # of the robot's place at each sweep, metres
+        # How often each cell was looked at, up to what is enough, and from how uncertain a place at the least, metres.
+        self._looks, self._sigma = np.zeros(known.state.shape, np.uint8), np.full(known.state.shape, np.inf, np.float32)
         rate = sensor.detection_rate
         self._enough = 1 if rate >= 1.0 else min(255, math.ceil(math.log(1e-3) / math.log(1.0 - rate)))
         self._free = np.zeros(known.state.shape, dtype=bool)
-        self._strange = 0
         self._unplaced = list[Detection]()
 
     @property
@@ -217,9 +195,7 @@ class DetectionMapper:
     def take(self, records: Sequence[Record]) -> Belief:
         """Take in what was sensed, and bring pose and map up to date."""
         refused, sweep = list[str](), list[Detection]()
-        for record in self._checks.usable(records, refused):
-            if not self.records:
-                self.records.append(Pose(record.t, *self._start.tolist()))
+        for record in self._usable(records, refused):
             if isinstance(record, Detection):
                 sweep.append(as_range_bearing(record))
             else:
@@ -228,44 +204,21 @@ class DetectionMapper:
         if not heard or (not sweep and self._should_see()):
             return self._belief(0, refused)
         if not self._fits(sweep):
-            self._strange += 1
-            self._unplaced = sweep
+            self._strange, self._unplaced = self._strange + 1, sweep
             refused.append(f"detections at {sweep[0].t:.3f} s left out: expected what the map shows here, got others")
             return self._belief(1, refused)
-        self._strange, before = 0, self.pose
+        self._strange = 0
         self._use(sweep)
-        self._sigmas.append(math.sqrt(max(0.0, float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))))
-        if np.hypot(*(self.pose - before)[:2]) > self.known.cell:
-            self._forget_drift()
         self._look(sweep)
         return self._belief(1, refused)
-
-    def _belief(self, readings: int, refused: list[str]) -> Belief:
-        return Belief(self.pose, self.covariance, readings, tuple(refused), self._strange >= STRANGE, False)
-
-    def _forget_drift(self) -> None:
-        """Forget what was looked at from places that were less sure than now by a cell or more: it may be elsewhere."""
-        drifted = np.array([0.0, *self._sigmas]) > self._sigmas[-1] + self.known.cell
-        if not drifted.any():
-            return
-        self._looks[drifted[self._since]] = 0
-        self._free = self._away(np.s_[:, :], self._discs([])) > self._largest + self.known.cell
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
         found = self._aligned(self._unplaced)
         if found is None or found.matched < (2 if self._sensor.identities else 3):
             return False
-        # What no odometry has told: the log has it as a motion, so that it leads to the same map.
-        motion = between(self.pose, found.pose)
-        t = self._unplaced[0].t
-        self._use([Increment(t, float(motion[0]), float(motion[1]), float(motion[2]), 4.0 * CARRIED)])
-        self._strange = 0
+        self._use([self._carry(self._unplaced[0].t, found.pose, 4.0 * CARRIED)])
         return True
-
-    def finished_log(self, log: Log) -> Log:
-        """Return the log as it is: EKF-SLAM over it comes to the same."""
-        return log
 
     def finished_map(self, log: Log) -> World:
         """Return the world that ``trailmark map`` makes of the log, its discs as large as they are known to be."""
@@ -291,20 +244,14 @@ class DetectionMapper:
         self._slam.finish()
 
     def _fits(self, sweep: Sequence[Detection]) -> bool:
-        """Return whether a sweep shows what the map has there; wheels that slipped are set right."""
+        """Return whether a sweep shows what the map has there."""
         features = self._slam.features(tentative=True)
         if len(features) < 2 or len(sweep) < 2:
             return True
         good, readings, nis = self._innovations(sweep, features)
         if nis <= chi_square_quantile(SURE, 2 * max(1, readings)):
             return True
-        found = self._aligned(sweep)
-        off = np.full(3, np.inf) if found is None else np.abs(difference(self.pose, found.pose))
-        slipped = found is not None and found.matched >= max(2, 0.5 * readings)
-        if not slipped or np.hypot(off[0], off[1]) > SLIP[0] or off[2] > SLIP[1]:
-            return good > 0.5 * readings
-        self._slam.filter.P[:3, :3] += np.diag((2.0 * off + 1e-3) ** 2)
-        return True
+        return good > 0.5 * readings
 
     def _innovations(self, sweep: Sequence[Detection], features: Sequence[MapFeature]) -> tuple[int, int, float]:
         """Return how many detections of known discs lie where these are, how many there are, and their summed NIS."""
@@ -360,17 +307,22 @@ class DetectionMapper:
     def _look(self, sweep: Sequence[Detection]) -> None:
         """Enter what a sweep showed: discs, and around the robot the cells into which no other one reaches."""
         known, reach, discs = self.known, self._sensor.max_range, self._discs(sweep)
+        sigma = math.sqrt(max(0.0, float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1])))
+        # What was looked at from places less sure than now by a cell or more may be elsewhere.
+        drifted = (self._looks > 0) & (self._sigma > sigma + known.cell)
+        self._looks[drifted], self._sigma[drifted] = 0, np.inf
         wide, near = self._window(reach + self._largest + 2.0 * known.cell), self._window(reach)
         rows, columns = np.mgrid[wide]
         centres = known.centres(rows.ravel(), columns.ravel())
-        looks, since = self._looks[wide], self._since[wide]
-        few = np.flatnonzero(looks.reshape(-1) < self._enough)
-        at = np.unravel_index(few[self._in_sight(centres[few], discs)], looks.shape)
-        looks[at] += 1
-        since[at] = len(self._sigmas)
-        away = np.zeros(self._free.shape, np.float32)
-        away[wide] = self._away(wide, discs)
-        self._free[near] |= away[near] > self._largest + known.cell
+        at = np.unravel_index(np.flatnonzero(self._in_sight(centres, discs)), rows.shape)
+        self._looks[wide][at] = np.minimum(self._looks[wide][at] + 1, self._enough)
+        self._sigma[wide][at] = np.minimum(self._sigma[wide][at], sigma)
+        if drifted.any():
+            self._free = self._away(np.s_[:, :], discs) > self._largest + known.cell
+        else:
+            away = np.zeros(self._free.shape, np.float32)
+            away[wide] = self._away(wide, discs)
+            self._free[near] |= away[near] > self._largest + known.cell
         state = np.where(self._free, FREE, UNKNOWN).astype(np.uint8)
         for disc in discs:
             part = self._window(disc.radius + known.cell, disc.center)

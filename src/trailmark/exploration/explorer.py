@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -43,64 +43,38 @@ from trailmark.exploration.survey import Cells, Memory, Survey, survey
 from trailmark.exploration.visible_area import evaluate
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
-from trailmark.planning.result import PlanProgress, PlanResult
+from trailmark.planning.result import PlanProgress
 from trailmark.se2 import FloatArray, configurations, difference
 from trailmark.shapes import Disc
 from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
 from trailmark.world.goals import Goal
 
-__all__ = ["Explorer", "Phase", "check_visible", "mapper_for", "sensor_of"]
+__all__ = ["Explorer", "Phase"]
 
-SILENCE = 5.0
-"""Seconds of the robot's clock without a reading after which the sensor is silent."""
-
-MAX_BLOCKED = 5
-"""Commands in a row that a robot does not carry out because something is in its way, before it is stuck."""
-
-MAX_STILL = 50
-"""Commands in a row that lead a robot nowhere, although it does not say that something is in its way."""
-
-STILL = 0.01
-"""Metres, and radians, that it moves at least unless it stays where it is."""
-
-SEEN = 0.95
-"""Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
-
+SILENCE = 5.0  # Seconds of the robot's clock without a reading after which the sensor is silent.
+# Commands in a row that a robot does not carry out because something is in its way, and that lead it nowhere although
+# it does not say so, before it is stuck.
+MAX_BLOCKED, MAX_STILL = 5, 50
+STILL = 0.01  # Metres, and radians, that it moves at least unless it stays where it is.
+SEEN = 0.95  # Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless.
+# Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most.
 LEAST_DRIVE = 0.2
-"""Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most."""
-
-ON_PATH = 2e-3
-"""Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
-
-FIRST = 0.15
-"""Of the planning time, where it is not certain that there is a way; twice as long after each landmark in a row to
-which none was found, up to all of it."""
-
+ON_PATH = 2e-3  # Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves.
+# Seconds of computing after which a way is good enough, if one has been found that is about as long as the cells tell;
+# and after which any is, and none is looked for any longer where it is not certain that there is one.
 PATIENCE, LONGEST = 0.05, 0.2
-"""Seconds of computing after which a way is good enough, if one has been found that is about as long as the cells tell;
-and after which any is."""
-
-SEARCH = 0.2
-"""Likewise after which none is looked for any longer, where it is not certain that there is one."""
-
+# Times as long as the cells tell that such a way is at most, but for turns: a first one may be ten times as long.
 DETOUR = 1.1
-"""Times as long as the cells tell that such a way is at most, but for turns: a first one may be ten times as long."""
-
-GAP = 0.02
-"""Share by which a way may be longer than the shortest."""
-
-DOUBTFUL = 3
-"""Landmarks in a row to which no way was found, from which on the robot drives back to where it came from."""
+GAP = 0.02  # Share by which a way may be longer than the shortest.
+DOUBTFUL = 3  # Landmarks in a row to which no way was found, from which on the robot drives back to where it came from.
 
 
 class Phase(Enum):
     """What an explorer does with the next reading."""
 
-    CHOOSE = "choose"
-    """Choose a landmark, and plan to it; the robot stands meanwhile."""
-    FOLLOW = "follow"
-    """Follow the path, or plan anew where it is blocked or has become pointless."""
+    CHOOSE = "choose"  # Choose a landmark, and plan to it; the robot stands meanwhile.
+    FOLLOW = "follow"  # Follow the path, or plan anew where it is blocked or has become pointless.
     OVER = "over"
 
 
@@ -108,27 +82,21 @@ class Phase(Enum):
 class State:
     """Where an exploration stands, beside the map."""
 
-    stood: FloatArray
-    """Where the robot was last when it had moved, shape (3,)."""
+    stood: FloatArray  # Where the robot was last when it had moved, shape (3,).
     phase: Phase = Phase.CHOOSE
-    ended: tuple[Status, str] | None = None
-    """Why it is over, in a word and in a sentence."""
-    follower: PathFollower | None = None
-    """Of the path to the landmark."""
-    expected: Cells | None = None
-    """The unknown cells that the landmark is to show; None on the way home or back."""
-    began: float | None = None
-    """By the robot's clock, which need not begin at 0."""
+    ended: tuple[Status, str] | None = None  # Why it is over, in a word and in a sentence.
+    follower: PathFollower | None = None  # Of the path to the landmark.
+    expected: Cells | None = None  # The unknown cells that the landmark is to show; None on the way home or back.
+    began: float | None = None  # By the robot's clock, which need not begin at 0.
     time: float = 0.0
     last_reading: float = 0.0
-    distance: float = 0.0
-    """Metres driven, by odometry; ``moved`` since the last reading, ``since`` the last choice."""
+    distance: float = 0.0  # Metres driven, by odometry; ``moved`` since the last reading, ``since`` the last choice.
     moved: float = 0.0
     since: float = 0.0
     landmarks: int = 0
-    blocked: int = 0
-    """Commands in a row that were not carried out; ``still``: that led nowhere."""
+    blocked: int = 0  # Commands in a row that were not carried out; ``still``: that led nowhere.
     still: int = 0
+    events: list[str] = field(default_factory=list)  # Of this step.
     seconds: float = 0.0
     decisions: list[float] = field(default_factory=list)
 
@@ -190,26 +158,29 @@ class Explorer:
         if start is None or bounds is None:
             raise ConfigurationError("explore: expected start= and bounds= with a robot of your own")
         self.start = configurations(start, name="start").reshape(3)
-        described = sensor_of(sensor, sensor_range, self.settings.cell_side(self.robot, bounds), bounds)
+        cell = self.settings.cell_side(self.robot, bounds)
+        described = _sensor_of(sensor, sensor_range, cell, bounds)
         if world is None:
             self._driver: ExploringRobot = world_or_robot  # type: ignore[assignment]  # no world, so it is a robot
         else:
-            check_visible(world, described)
+            _check_visible(world, described)
             simulated = SimulatedRobot(world, self.robot, self.start, described, noise=noise, seed=self.seed)
             self._driver, described = simulated, simulated.sensor
         self.name = "exploration" if world is None else world.name
-        radii = {i: s.radius for i, s in enumerate(world.obstacles) if isinstance(s, Disc)} if world else None
-        self.mapper: Mapper = mapper_for(described, self.robot, self.start, bounds, self.settings, radii)
+        known = KnownMap(bounds, cell)
+        if isinstance(described, Detector):
+            radii = {i: s.radius for i, s in enumerate(world.obstacles) if isinstance(s, Disc)} if world else None
+            self.mapper: Mapper = DetectionMapper(self.start, known, described, self.robot, self.settings, radii)
+        else:
+            self.mapper = ScanMapper(self.start, known, described, self.robot, self.settings)
         self.sensor_range = described.max_range
         self._sees_around = described.field_of_view >= 2.0 * np.pi - 1e-9
         self._choose, self._rng = choose, np.random.default_rng(self.seed)
-        known = self.mapper.known
         # A path that touches something is none for a robot that may be beside it.
         clearance = max(self.mapper.margin, ON_PATH)
         unknown = known.follow(World(self.name, known.bounds, robot=self.robot))
         self.planner = LandmarkPlanner(unknown, self.robot, seed=self.seed, clearance=clearance)
         self._memory, self._state = Memory.of(known), State(self.start)
-        self._belief = Belief(self.start, np.zeros((3, 3)), 0, (), False, False)
         self._history: list[ExplorationProgress] = []
         self._first_known = np.full(known.state.shape, np.inf, dtype=np.float32)
         self._revision = -1
@@ -250,58 +221,48 @@ class Explorer:
     def step(self) -> ExplorationProgress:
         """Sense once; then follow the path for one period, or choose where to go and plan."""
         begin, state = perf_counter(), self._state
-        belief = self._sense()
-        events = list(belief.refused)
-        if state.phase is not Phase.OVER and belief.lost:
-            events.append("lost: the readings do not fit the map here")
+        belief, driven = self._sense(), False
+        state.events = list(belief.refused)
+        if self.ended is None and belief.lost:
+            state.events.append("lost: the readings do not fit the map here")
             if self.mapper.relocate():
-                events.append("found again in the map")
+                state.events.append("found again in the map")
                 self._stop_following()
             else:
                 self._end("stuck", "the robot is lost: its readings fit the map nowhere")
-        driven = False
         if belief.readings:
             if state.phase is Phase.FOLLOW:
-                events += self._follow_on(belief.redrawn)
+                self._follow_on(belief.redrawn)
             if state.phase is Phase.CHOOSE:
-                events += self._timed(self._choose_next)
-            state.moved = 0.0
-            if state.phase is Phase.FOLLOW:
+                self._timed(self._choose_next)
+            state.moved, driven = 0.0, state.phase is Phase.FOLLOW
+            if driven:
                 self._drive()
-                driven = True
-        self._note_known()
-        if state.phase is not Phase.OVER and not driven:
+        if self.ended is None and not driven:
             self._driver.drive(np.zeros((1, 3)), self.settings.sense_period)
             state.time += self.settings.sense_period
-        progress = self._progress("; ".join(events))
-        self._history.append(progress)
+        self._history.append(self._progress())
         state.seconds += perf_counter() - begin
-        return progress
+        return self._history[-1]
 
     def result(self) -> ExplorationResult:
         """Return what was found so far; building the final map takes a while."""
         status, reason = self.ended or ("interrupted", "not over")
         saved, known, evaluation = self.saved(), self.mapper.known, None
         log = self.mapper.finished_log(saved.log)
-        nothing = not any(isinstance(record, Scan | Detection) for record in saved.log.records)
-        empty = World(self.name, known.bounds, robot=self.robot)
+        read = any(isinstance(record, Scan | Detection) for record in saved.log.records)
         if isinstance(self._driver, SimulatedRobot):
             evaluation = evaluate(self._driver, known, self.mapper.trajectory, self.mapper.covariances)
         return ExplorationResult(
+            **{**vars(saved), "log": log},
             status=status,
             reason=reason,
-            world=empty if nothing else self.mapper.finished_map(log),
+            world=self.mapper.finished_map(log) if read else World(self.name, known.bounds, robot=self.robot),
             known=known,
-            first_known=saved.first_known,
             roadmap=self._current_planner().roadmap,
-            log=log,
-            history=saved.history,
             strategy=self.strategy,
             seed=self.seed,
             settings=self.settings,
-            seconds=saved.seconds,
-            decisions=saved.decisions,
-            robot_state=saved.robot_state,
             evaluation=evaluation,
         )
 
@@ -315,10 +276,15 @@ class Explorer:
 
     def saved(self) -> SavedExploration:
         """Return all that another explorer of the same world, robot and sensor needs to go on (``resumed``)."""
-        driver = self._driver.state() if isinstance(self._driver, SimulatedRobot) else None
-        decisions = np.array(self._state.decisions)
-        found = self.log(), tuple(self._history), self._first_known.copy(), self.mapper.known.contacts
-        return SavedExploration(*found, driver, self._state.seconds, decisions, {})
+        return SavedExploration(
+            log=self.log(),
+            history=tuple(self._history),
+            first_known=self._first_known.copy(),
+            contacts=self.mapper.known.contacts,
+            robot_state=self._driver.state() if isinstance(self._driver, SimulatedRobot) else None,
+            seconds=self._state.seconds,
+            decisions=np.array(self._state.decisions),
+        )
 
     def _resume(self, saved: SavedExploration) -> None:
         """Take over what was recorded and found before."""
@@ -326,12 +292,12 @@ class Explorer:
             shapes = f"{self._first_known.shape} cells, got {saved.first_known.shape}"
             raise ConfigurationError(f"resume: expected a map of {shapes}")
         for records in _readings(saved.log.records):
-            self._belief = self.mapper.take(records)
+            self.mapper.take(records)
         self.mapper.known.add_contact(saved.contacts)
         self._history, last = list(saved.history), saved.history[-1]
         self._first_known = saved.first_known.copy()
         self._state = State(
-            self._belief.pose,
+            self.mapper.pose,
             began=saved.log.records[0].t,
             time=last.time,
             last_reading=last.time,
@@ -350,42 +316,33 @@ class Explorer:
     def _stop_following(self) -> None:
         self._state.phase, self._state.follower, self._state.expected = Phase.CHOOSE, None, None
 
-    def _timed(self, decide: Callable[[], list[str]]) -> list[str]:
-        """Return what happens in a decision, and keep how long it takes; the proof that ends all is none."""
+    def _timed(self, decide: Callable[[], None]) -> None:
+        """Decide, and keep how long it takes; the proof that ends all is no decision."""
         begin = perf_counter()
-        events = decide()
+        decide()
         if self.ended is None:
             self._state.decisions.append(perf_counter() - begin)
-        return events
 
     def _sense(self) -> Belief:
         """Take in what was sensed; end where the sensor is silent or a limit is reached."""
         s, state = self.settings, self._state
         records: tuple[Record, ...] = each_of(self._driver.sense(), get_args(Record), "sense")
-        self._belief = self.mapper.take(records)
+        belief = self.mapper.take(records)
         if times := [record.t for record in records if np.isfinite(record.t)]:
             if state.began is None:
                 state.began = state.last_reading = min(times)
             state.time = max(state.time, *times)
-        if self._belief.readings:
+        if belief.readings:
             state.last_reading = state.time
-        elif state.time - state.last_reading >= SILENCE:
+        if state.time - state.last_reading >= SILENCE:
             heard = any(isinstance(record, Scan | Detection) for record in records)
             what = "its readings cannot be used" if heard else "no reading"
             self._end("silent", f"{what} for {state.time - state.last_reading:.1f} s")
-        if state.phase is not Phase.OVER and state.time - (state.began or 0.0) >= s.time_limit:
+        elif state.time - (state.began or 0.0) >= s.time_limit:
             self._end("time", f"the time limit of {s.time_limit:g} s is used up")
-        if state.phase is not Phase.OVER and state.distance >= s.distance_limit:
+        elif state.distance >= s.distance_limit:
             self._end("distance", f"the distance limit of {s.distance_limit:g} m is used up")
-        return self._belief
-
-    def _note_known(self) -> None:
-        """Take note of when each cell was known first."""
-        known = self.mapper.known
-        if known.revision != self._revision:
-            self._revision = known.revision
-            new = (known.state != UNKNOWN) & np.isinf(self._first_known)
-            self._first_known[new] = self._state.time
+        return belief
 
     @property
     def _tolerance(self) -> float:
@@ -398,30 +355,30 @@ class Explorer:
             self.planner.update(world)
         return self.planner
 
-    def _follow_on(self, redrawn: bool) -> list[str]:
+    def _follow_on(self, redrawn: bool) -> None:
         """See to it that the path is still one to follow, or that another is chosen."""
         state, known = self._state, self.mapper.known
         follower = state.follower
         assert follower is not None  # noqa: S101 # in this phase
         state.since += state.moved
         strays = follower.advance(self.mapper.pose, state.moved) > self._tolerance or follower.endangered(known)
+        driven = state.expected is not None and state.since >= LEAST_DRIVE * self.sensor_range
+        seen = known.state[state.expected] != UNKNOWN if driven else np.zeros(0, np.bool_)
         if state.blocked:
-            return self._back_off(follower)
-        if state.expected is not None and state.since >= LEAST_DRIVE * self.sensor_range:
-            seen = known.state[state.expected] != UNKNOWN
-            if seen.size and seen.mean() >= SEEN:
-                state.phase = Phase.CHOOSE
-                return []
-        return self._timed(self._replan) if redrawn or strays else []
+            self._back_off(follower)
+        elif seen.size and seen.mean() >= SEEN:
+            state.phase = Phase.CHOOSE
+        elif redrawn or strays:
+            self._timed(self._replan)
 
-    def _choose_next(self) -> list[str]:
+    def _choose_next(self) -> None:
         """Choose the next landmark and plan the way there, or end."""
         state, memory, planner = self._state, self._memory, self._current_planner()
         escape = self._way_out(self.mapper.pose)
         here = escape[-1]
         if not planner.checker.valid(here):
             self._end("stuck", "the map has no room for the robot where it stands, and no way out was found")
-            return []
+            return
         # A sensor that does not see all around has done so where a path, with the turn at its end, was driven.
         looked = self._sees_around or (state.follower is None and state.expected is not None)
         self._stop_following()
@@ -438,30 +395,31 @@ class Explorer:
             looked_around=looked,
         )
         if not len(found.outlook.landmarks):
-            return self._finish(found, here, escape)
+            self._finish(found, here, escape)
+            return
         index = choice_of(self._choose, found.outlook)
         landmark, any_heading = found.outlook.landmarks[index], bool(found.any_heading[index])
-        share = 1.0 if any_heading else min(FIRST * 2**memory.failed, 1.0)
         goal = Goal(pose=tuple(landmark[: 2 if any_heading else 3].tolist()))
         about = DETOUR * float(found.outlook.costs[index]) + (0.5 * np.pi if self.robot.heading_matters else 0.0)
-        longest = math.inf if any_heading else SEARCH
-        result = self._way(here, goal, share * self.settings.planning_time, about, longest)
-        reason = "that there is none is proven" if result.status == "infeasible" else "none was found in time"
-        if result.path is not None and not (self.robot.reverse or self._comes_back(result.path.states[-1])):
+        path, proven = self._way(here, goal, about, math.inf if any_heading else LONGEST)
+        reason = "that there is none is proven" if proven else "none was found in time"
+        if path is not None and not (self.robot.reverse or self._comes_back(path.states[-1])):
             reason = "no way back from there was found, and the robot does not drive backwards"
-        elif result.path is not None:
-            self._begin(result.path, escape, turn=not self._sees_around)
+        elif path is not None:
+            self._begin(path, escape, turn=not self._sees_around)
             memory.failed, memory.aim = 0, (landmark[:2], found.expected[index])
             state.since, state.expected, state.landmarks = 0.0, found.expected[index], state.landmarks + 1
-            return []
-        memory.refuse(self.mapper.known, landmark, result.status == "infeasible" and any_heading)
-        return [f"no path to a landmark: {reason}", *(self._leave() if memory.failed >= DOUBTFUL else [])]
+            return
+        memory.refuse(self.mapper.known, landmark, proven and any_heading)
+        state.events.append(f"no path to a landmark: {reason}")
+        if memory.failed >= DOUBTFUL:
+            self._leave()
 
-    def _way(self, here: FloatArray, goal: Goal, seconds: float, about: float, longest: float = math.inf) -> PlanResult:
-        """Return a way that is about the shortest, or after so many seconds the best that there is, if there is one.
+    def _way(self, here: FloatArray, goal: Goal, about: float, longest: float = math.inf) -> tuple[Path | None, bool]:
+        """Return a way that is about the shortest, or the best found in time, and whether it is proven that none leads.
 
-        One that costs no more than about as much is good enough after PATIENCE, any after LONGEST; after so many
-        seconds of computing at the longest it is looked for no more.
+        One that costs no more than about as much is good enough after PATIENCE, any after LONGEST; where none is found
+        it is looked for no more after ``longest`` seconds of computing.
         """
         best, begin = math.inf, thread_time()
 
@@ -473,7 +431,8 @@ class Explorer:
             enough = PATIENCE if best <= about else LONGEST if best < math.inf else longest
             return thread_time() - begin > enough
 
-        return self.planner.plan(here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
+        result = self.planner.plan(here, goal, self.settings.planning_time, gap=GAP, stop=stop, on_progress=note)
+        return result.path, result.status == "infeasible"
 
     def _comes_back(self, end: FloatArray) -> bool:
         """Return whether a way is found from a place to where there is most room of where the robot was."""
@@ -486,38 +445,38 @@ class Explorer:
             return True
         nearest = there[np.argmin(np.hypot(*(there - end)[:, :2].T))]
         goal = known.centres(*known.cells_of(nearest[None, :2]))[0]  # with room for any heading
-        return self._way(end, Goal(pose=tuple(goal.tolist())), self.settings.planning_time, math.inf).path is not None
+        return self._way(end, Goal(pose=tuple(goal.tolist())), math.inf)[0] is not None
 
-    def _finish(self, found: Survey, here: FloatArray, escape: FloatArray) -> list[str]:
+    def _finish(self, found: Survey, here: FloatArray, escape: FloatArray) -> None:
         """End, with the proof that all has been seen or without; before that, go back or home if there is need."""
         known, memory = self.mapper.known, self._memory
-        if memory.refused.any() and (left := self._leave()):
-            return left
+        if memory.refused.any() and self._leave():
+            return
         if found.doubts is not None and self._state.blocked:
             self._end("stuck", "something that is not in the map is in the robot's way, and no way around it was found")
-            return []
+            return
         status: Status = "complete" if found.doubts is None else "complete-at-confidence"
         reason = "everything has been seen that can be seen from where the robot can get to"
         if found.doubts is not None:
             x, y = found.doubts
+            room = f" and {2.0 * self.mapper.margin:.3g} m to be safe" if self.mapper.margin > 0.0 else ""
             reason += (
-                f", but not through a passage near ({x:.2f}, {y:.2f}) that is narrower than the robot and two cells of "
-                f"{known.cell:.3g} m"
-                + (f" and {2.0 * self.mapper.margin:.3g} m to be safe" if self.mapper.margin > 0.0 else "")
-                + ", or to which no way was found; a smaller --cell tells more"
+                f", but perhaps not what is in sight near ({x:.2f}, {y:.2f}): a passage leads there that is narrower "
+                f"than the robot and two cells of {known.cell:.3g} m{room}, or to which no way was found; a smaller "
+                "--cell tells more"
             )
         target = self._way_out(self.start)[-1]
         if not self.settings.return_home or np.hypot(*(here - target)[:2]) <= self._tolerance:
             self._end(status, reason)
-            return []
+            return
         home = None
         if self.planner.checker.valid(target):
             home = self.planner.plan(here, target, self.settings.planning_time, gap=0.05).path
         if home is None:
             self._end("stuck", f"{reason}; no path home was found")
-            return []
+            return
         self._begin(home, escape)
-        return ["drives home"]
+        self._state.events.append("drives home")
 
     def _begin(self, path: Path, escape: FloatArray, turn: bool = False) -> None:
         """Begin a path, after the way out of contact that leads to its first state; with a turn at its end."""
@@ -525,13 +484,11 @@ class Explorer:
             path = turned_around(path, self.planner.checker)
         if len(escape) > 1:
             path = Path(np.concatenate([escape[:-1], path.states]))
-        self._follow(PathFollower(path, self.planner.robot, self.planner.checker.footprint))
-
-    def _follow(self, follower: PathFollower) -> None:
+        follower = PathFollower(path, self.planner.robot, self.planner.checker.footprint)
         follower.endangered(self.mapper.known)
         self._state.phase, self._state.follower = Phase.FOLLOW, follower
 
-    def _replan(self) -> list[str]:
+    def _replan(self) -> None:
         """Lead the path around what has come into its way, or give it up."""
         state, planner, pose = self._state, self._current_planner(), self.mapper.pose
         follower = state.follower
@@ -542,37 +499,40 @@ class Explorer:
             if self._memory.reach is not None:
                 self._memory.refuse(self.mapper.known, follower.target, certainly=False)
             self._stop_following()
-            return [f"path given up: {result.reason}"]
+            state.events.append(f"path given up: {result.reason}")
+            return
         self._begin(result.path, pose[None], turn=not (self._sees_around or result.kept or state.expected is None))
-        return [] if result.kept else [f"path replanned: {result.reason}"]
+        if not result.kept:
+            state.events.append(f"path replanned: {result.reason}")
 
-    def _back_off(self, follower: PathFollower) -> list[str]:
+    def _back_off(self, follower: PathFollower) -> None:
         """Mark what the robot ran into, and begin the way back, along which it came."""
         known, robot, poses = self.mapper.known, self.planner.robot, self.mapper.trajectory[:, 1:]
         self._stop_following()
         points = contact_points(robot, np.vstack([self.mapper.pose, follower.rest]), known.cell)
         if not len(points):
-            return []  # it is as good as at the path's end: the next one tells where something stands
+            return  # it is as good as at the path's end: the next one tells where something stands
         if not known.add_contact(points):
             self._end("stuck", "the robot runs into what it ran into before, whichever way it goes")
-            return []
+            return
         away = BACK * robot.circumradius + 2.0 * known.cell + self.mapper.margin
         self._begin(Path(way_back(poses, away, robot.circumradius)), self.mapper.pose[None])
-        return ["ran into something that is not in the map: it is marked, and the robot backs off"]
+        self._state.events.append("ran into something that is not in the map: it is marked, and the robot backs off")
 
-    def _leave(self) -> list[str]:
-        """Begin the way back, along which the robot came, out of a place in which the map closes it in."""
+    def _leave(self) -> bool:
+        """Begin the way back, along which the robot came, out of a place in which the map closes it in; if so, True."""
         memory, planner = self._memory, self.planner
         assert memory.reach is not None  # noqa: S101 # surveyed before
         if planner.checker.valid(self.mapper.pose) and self._comes_back(self.mapper.pose):
-            return []
-        driven, footprint = self.mapper.trajectory[:, 1:], planner.checker.footprint
-        back = way_back_to(memory.reach.main_room(), driven, self.mapper.known, planner.robot, footprint)
+            return False
+        driven = self.mapper.trajectory[:, 1:]
+        back = way_back_to(memory.reach.main_room(), driven, self.mapper.known, planner.robot)
         if back is None:
-            return []
-        memory.forget_failures()
-        self._follow(back)
-        return ["it drives back the way that it came"]
+            return False
+        memory.refused[:] = memory.failed = 0  # the robot stood where no way leads out
+        self._begin(back, self.mapper.pose[None])
+        self._state.events.append("it drives back the way that it came")
+        return True
 
     def _way_out(self, pose: FloatArray) -> FloatArray:
         """Return states from a pose to a valid one, shape (n, 3); the pose alone if it is valid, or no way is found."""
@@ -600,18 +560,21 @@ class Explorer:
         elif report.arrived:
             state.phase, state.follower = Phase.CHOOSE, None
 
-    def _progress(self, event: str) -> ExplorationProgress:
+    def _progress(self) -> ExplorationProgress:
         known, state = self.mapper.known, self._state
+        if known.revision != self._revision:
+            self._revision = known.revision
+            self._first_known[(known.state != UNKNOWN) & np.isinf(self._first_known)] = state.time
         return ExplorationProgress(
             time=state.time,
             distance=state.distance,
             area=float((known.state != UNKNOWN).sum()) * known.cell**2,
             landmarks=state.landmarks,
-            sigma=float(np.sqrt(max(0.0, np.linalg.eigvalsh(self._belief.covariance[:2, :2])[-1]))),
+            sigma=float(np.sqrt(max(0.0, np.linalg.eigvalsh(self.mapper.covariance[:2, :2])[-1]))),
             pose=self.mapper.pose.copy(),
             target=None if state.follower is None else state.follower.target,
             path=None if state.follower is None else state.follower.rest,
-            event=event if state.ended is None else "; ".join(filter(None, [event, state.ended[1]])),
+            event="; ".join([*state.events, *([] if state.ended is None else [state.ended[1]])]),
         )
 
 
@@ -661,47 +624,10 @@ def _readings(records: Sequence[Record]) -> Iterator[list[Record]]:
         yield some
 
 
-def mapper_for(
-    sensor: Scanner | Detector,
-    robot: Robot,
-    start: FloatArray,
-    bounds: tuple[float, float, float, float],
-    settings: ExplorationSettings,
-    radii: Mapping[int, float] | None = None,
-) -> Mapper:
-    """Return a mapper that knows nothing yet.
-
-    Args:
-        sensor: its range, and the noise that there is.
-        robot: of the world.
-        start: where it stands first, shape (3,).
-        bounds: of what is to be explored.
-        settings: of the exploration.
-        radii: of the discs that a detector reads, by their identity, metres.
-
-    Raises:
-        ConfigurationError: a detector of discs of any size, and no radii.
-    """
-    known = KnownMap(bounds, settings.cell_side(robot, bounds))
-    if isinstance(sensor, Detector):
-        return DetectionMapper(start, known, sensor, robot, settings, radii)
-    return ScanMapper(start, known, sensor, robot, settings)
-
-
-def sensor_of(
+def _sensor_of(
     sensor: object, sensor_range: float, cell: float, bounds: tuple[float, float, float, float]
 ) -> Scanner | Detector:
-    """Return a sensor's description; its range ends where all that is to be explored does.
-
-    Args:
-        sensor: ``laser``, ``detections``, or a description.
-        sensor_range: metres, of a sensor that is given by its name.
-        cell: side of the map's cells, metres.
-        bounds: of what is to be explored.
-
-    Raises:
-        ConfigurationError: no such sensor, or no such range.
-    """
+    """Return a sensor's description; its range ends where all that is to be explored does."""
     if sensor == "laser":
         sensor = laser_scanner(sensor_range, cell)
     elif sensor == "detections":
@@ -711,12 +637,8 @@ def sensor_of(
     return replace(sensor, max_range=min(sensor.max_range, math.dist(bounds[:2], bounds[2:])))
 
 
-def check_visible(world: World, sensor: Scanner | Detector) -> None:
-    """Raise if there are obstacles that a sensor never sees.
-
-    Raises:
-        ConfigurationError: a detector of discs, and an obstacle that is none or too large for it, or a boundary.
-    """
+def _check_visible(world: World, sensor: Scanner | Detector) -> None:
+    """Raise if there are obstacles that a sensor never sees."""
     if isinstance(sensor, Scanner):
         return
     for i, shape in enumerate(world.obstacles):

@@ -13,31 +13,21 @@ from trailmark.se2 import FloatArray, between, difference, interpolate, motion_b
 from trailmark.trajectories.path import Path
 from trailmark.world.robot import Robot
 
-__all__ = ["BACK", "PathFollower", "WayBack", "contact_points", "turned_around", "way_back", "way_back_to"]
+__all__ = ["BACK", "PathFollower", "contact_points", "turned_around", "way_back", "way_back_to"]
 
 BoolArray = NDArray[np.bool_]
 
-STEP = 0.05
-"""Metres between the rows of a command: cars follow their curves to 0.3 mm at a radius of 1 m."""
-
+STEP = 0.05  # Metres between the rows of a command: cars follow their curves to 0.3 mm at a radius of 1 m.
+# Metres within which two rows are the same: planners repeat states, and only the next few rows are looked at.
 ALIKE = 1e-6
-"""Metres within which two rows are the same: planners repeat states, and only the next few rows are looked at."""
-
+# Of the way from one row to the next, from its middle to either: a curve is longer than the line between its ends.
 HALF = 0.55
-"""Of the way from one row to the next, from its middle to either: a curve is longer than the line between its ends."""
-
-AHEAD = 4
-"""Half cells of the way on: what the robot ran into is taken to fill all that it would have swept there."""
-
-BESIDE = 0.1
-"""Cells beside the robot as it stands: what does not lead farther has not run into anything."""
-
-BACK = 0.5
-"""Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell."""
-
+AHEAD = 4  # Half cells of the way on: what the robot ran into is taken to fill all that it would have swept there.
+BESIDE = 0.1  # Cells beside the robot as it stands: what does not lead farther has not run into anything.
+BACK = 0.5  # Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell.
+# Cells inside the robot: a surface that deep in its body, where it has driven, has come there since; one less deep may
+# be a matter of the map's resolution.
 DEEP = 1.0
-"""Cells inside the robot: a surface that deep in its body, where it has driven, has come there since; one less deep may
-be a matter of the map's resolution."""
 
 
 def turned_around(path: Path, checker: StateChecker) -> Path:
@@ -194,14 +184,7 @@ def way_back(driven: FloatArray, distance: float, reach: float) -> FloatArray:
 
 
 def _spaced(driven: FloatArray, reach: float) -> FloatArray:
-    """Return the first pose, those that are a step away from the one before, and the last.
-
-    Where a robot stood, its poses are alike; a follower looks only a few rows ahead.
-
-    Args:
-        driven: poses, shape (n, 3).
-        reach: metres from the robot's reference point to its farthest one.
-    """
+    """Return the first pose, those a step away from the one before, and the last: a follower looks few rows ahead."""
     kept, last = [0], len(driven) - 1
     for i in range(1, len(driven)):
         if motion_bound(driven[kept[-1]], driven[i], reach) >= STEP:
@@ -209,50 +192,26 @@ def _spaced(driven: FloatArray, reach: float) -> FloatArray:
     return np.array(driven[[*(kept[:-1] or kept[:last]), last]])
 
 
-class WayBack(PathFollower):
-    """Follows back what was driven, which nothing but what the map's resolution makes of it may block (:data:`DEEP`).
+def way_back_to(there: BoolArray, driven: FloatArray, known: KnownMap, robot: Robot) -> Path | None:
+    """Return the way back along what was driven since the robot was last in some cells.
 
-    Args:
-        driven: poses in the order of time, the last where the robot is, shape (n, 3), n >= 2.
-        robot: that drove.
-        footprint: of the robot, dilated by the clearance that it keeps.
-    """
-
-    def __init__(self, driven: FloatArray, robot: Robot, footprint: Footprint) -> None:
-        super().__init__(Path(_spaced(driven[::-1], robot.circumradius)), robot, footprint)
-        self._robot = robot
-
-    def endangered(self, known: KnownMap) -> bool:
-        """Return whether a surface stands deep in the robot's body on the rest of the way."""
-        from scipy.spatial import cKDTree
-
-        body = self._robot.outline.shapely().buffer(-DEEP * known.cell)
-        if body.is_empty:
-            return True
-        surfaces, rest = known.centres(*np.nonzero(known.state == OCCUPIED)), self.rest
-        near = cKDTree(rest[:, :2]).query_ball_tree(cKDTree(surfaces), self._robot.circumradius)
-        pose = np.repeat(np.arange(len(rest)), [len(some) for some in near])
-        points = surfaces[np.concatenate(near).astype(np.intp)]
-        ahead = between(rest[pose], np.column_stack([points, np.zeros(len(points))]))
-        return bool(shapely.contains_xy(body, ahead[:, :2]).any())
-
-
-def way_back_to(
-    there: NDArray[np.bool_], driven: FloatArray, known: KnownMap, robot: Robot, footprint: Footprint
-) -> WayBack | None:
-    """Return what follows back what was driven since the robot was last in some cells.
-
-    None if it never was, if something stands in the way now, or if it cannot drive backwards.
+    None if it never was, if a surface stands deep in the way now (:data:`DEEP`), or if it cannot drive backwards.
 
     Args:
         there: which cells, shape (rows, columns).
         driven: poses in the order of time, the last where the robot is, shape (n, 3).
         known: the map.
         robot: that drove.
-        footprint: of the robot, dilated by the clearance that it keeps.
     """
     was = np.flatnonzero(there[known.cells_of(driven[:, :2])])
-    if not len(was) or was[-1] == len(driven) - 1 or not robot.reverse:
+    body = robot.outline.shapely().buffer(-DEEP * known.cell)
+    if not len(was) or was[-1] == len(driven) - 1 or not robot.reverse or body.is_empty:
         return None
-    back = WayBack(driven[was[-1] :], robot, footprint)
-    return None if back.endangered(known) else back
+    back = _spaced(driven[was[-1] :][::-1], robot.circumradius)
+    surfaces = known.centres(*np.nonzero(known.state == OCCUPIED))
+    for pose in Path(back).resample(STEP).states:
+        ahead = surfaces[np.hypot(*(surfaces - pose[:2]).T) <= robot.circumradius]
+        inside = between(pose, np.column_stack([ahead, np.zeros(len(ahead))]))
+        if shapely.contains_xy(body, inside[:, :2]).any():
+            return None
+    return Path(back)

@@ -9,21 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.grid import first_step
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, next_cell
 from trailmark.jit import callee, njit
-from trailmark.landmarks.sampling import lloyd
 from trailmark.se2 import FloatArray
 
-__all__ = ["Frontiers", "frontiers_of", "nearest_looks", "places_in_sight", "sight"]
+__all__ = ["Frontiers", "frontiers_of", "places_in_sight", "sight"]
 
-GAP = 2
-"""Cells: as wide a gap in a surface, or a narrower one, is not looked through."""
-
+GAP = 2  # Cells: as wide a gap in a surface, or a narrower one, is not looked through.
+# Rows and columns from a cell to those around it, in their order.
 AROUND = np.array([(-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1)])
-"""Rows and columns from a cell to those around it, in their order."""
-
-STEPS = 4
-"""Of Lloyd's algorithm, by which a long frontier is divided."""
 
 
 class Frontiers(NamedTuple):
@@ -32,12 +26,10 @@ class Frontiers(NamedTuple):
     Source: Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997.
     """
 
+    # Middles, and directions to the unknown cell, x, y, dx, dy, in cells from the grid's corner, shape (n, 4).
     edges: FloatArray
-    """Middles, and directions to the unknown cell, x, y, dx, dy, in cells from the grid's corner, shape (n, 4)."""
-    unknown: NDArray[np.intp]
-    """Rows and columns of the unknown cells, shape (n, 2)."""
-    group: NDArray[np.intp]
-    """To which group each edge belongs, from 0 on, shape (n,)."""
+    unknown: NDArray[np.intp]  # Rows and columns of the unknown cells, shape (n, 2).
+    group: NDArray[np.intp]  # To which group each edge belongs, from 0 on, shape (n,).
 
     @property
     def sizes(self) -> NDArray[np.intp]:
@@ -58,7 +50,7 @@ def frontiers_of(state: NDArray[np.uint8], longest: float) -> Frontiers:
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
-        longest: cells: about the longest that a group may be; longer ones are divided by K-means.
+        longest: cells: longer groups are divided, along the axis along which they are longer.
     """
     from scipy import ndimage
 
@@ -78,17 +70,17 @@ def frontiers_of(state: NDArray[np.uint8], longest: float) -> Frontiers:
     group = label[tuple(cells.T)].astype(np.intp) - 1
     own = np.unique(cells, axis=0)
     wide = ~_gaps(state, own, label[tuple(own.T)].astype(np.intp) - 1)[group] if len(own) else np.zeros(0, np.bool_)
-    return Frontiers(edges[wide], cells[wide], _divided(edges[wide, :2], group[wide], longest))
+    edges, group, part = edges[wide], group[wide], np.zeros(int(wide.sum()), np.intp)
+    for g in np.flatnonzero(np.bincount(group) > longest).tolist():
+        own = np.flatnonzero(group == g)
+        own = own[np.argsort(edges[own, np.ptp(edges[own, :2], axis=0).argmax()], kind="stable")]
+        part[own] = np.arange(len(own)) * ceil(len(own) / longest) // len(own)
+    numbers = np.unique(np.column_stack([group, part]), axis=0, return_inverse=True)[1]
+    return Frontiers(edges, cells[wide], numbers.ravel().astype(np.intp))
 
 
 def _gaps(state: NDArray[np.uint8], cells: NDArray[np.intp], number: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return which groups are gaps in surfaces: up to GAP cells, each edge of free space beside which is occupied.
-
-    Args:
-        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
-        cells: rows and columns of unknown cells beside free ones, shape (n, 2).
-        number: of the connected part of each, shape (n,).
-    """
+    """Return which parts, by number, of unknown cells beside free ones are gaps in surfaces, of up to GAP cells."""
     few = np.bincount(number) <= GAP
     among = few[number]
     cells, own = cells[among], number[among]
@@ -105,99 +97,46 @@ def _gaps(state: NDArray[np.uint8], cells: NDArray[np.intp], number: NDArray[np.
     return np.asarray(few)
 
 
-def _divided(points: FloatArray, group: NDArray[np.intp], longest: float) -> NDArray[np.intp]:
-    """Return the groups of points (n, 2), the long ones divided."""
-    divided = group.copy()
-    count = int(group.max(initial=-1)) + 1
-    for g, size in enumerate(np.bincount(group, minlength=count).tolist()):
-        if size <= longest:
-            continue
-        members = np.flatnonzero(group == g)
-        first = points[members[np.linspace(0, size - 1, ceil(size / longest)).astype(np.intp)]]
-        centres = lloyd(points[members], first, STEPS)
-        nearest = np.square(points[members][:, None] - centres[None]).sum(-1).argmin(1)
-        divided[members] = np.where(nearest == 0, g, count + nearest - 1)
-        count += len(centres) - 1
-    return np.unique(divided, return_inverse=True)[1].astype(np.intp)
+@njit(nogil=True)
+def sight(state: NDArray[np.uint8], places: FloatArray, ends: FloatArray, farthest: FloatArray) -> NDArray[np.bool_]:
+    """Return which places see which points along lines through free cells, shape (n, m).
+
+    The cell that holds a point, and cells that a line only touches in a corner, do not count.
+
+    Args:
+        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+        places: x, y in cells from the grid's corner, shape (n, 2).
+        ends: points x, y in cells, and directions dx, dy in which they are looked at; 0, 0 for any; shape (m, 4).
+        farthest: from which each point is seen at most, in cells, shape (m,).
+    """
+    seen = np.zeros((len(places), len(ends)), np.bool_)
+    for b in range(len(ends)):
+        x, y, towards_x, towards_y = ends[b]
+        any_way = towards_x == 0.0 and towards_y == 0.0
+        # From the point on: most lines to what is hidden end near it. On an edge, from the cell before it.
+        x, y = x - 1e-7 * towards_x, y - 1e-7 * towards_y
+        for a in range(len(places)):
+            dx, dy = places[a, 0] - x, places[a, 1] - y
+            facing = any_way or dx * towards_x + dy * towards_y < -1e-6
+            if not facing or dx * dx + dy * dy > farthest[b] ** 2:
+                continue
+            i, j, _, _, step_i, step_j, next_i, next_j, each_i, each_j = first_step(x, y, x + dx, y + dy)
+            seen[a, b] = any_way or state[j, i] == FREE
+            while seen[a, b] and min(next_i, next_j) < 1.0 - 1e-9:
+                i, j, next_i, next_j = next_cell(i, j, step_i, step_j, next_i, next_j, each_i, each_j)
+                seen[a, b] = state[j, i] == FREE
+    return seen
 
 
 @callee
 def line_is_free(state: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Return whether a line of sight leads through free cells; those that it only touches in a corner do not count.
-
-    Args:
-        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
-        x0: where it begins, in cells from the grid's corner,
-        y0: likewise.
-        x1: where it ends; on a cell's edge, the cell on the other side of it does not count,
-        y1: likewise.
-    """
-    column, row, _, _, step_x, step_y, next_x, next_y, each_x, each_y = first_step(x0, y0, x1, y1)
-    while True:
-        if state[row, column] != FREE:
-            return False
-        nearest = min(next_x, next_y)
-        if nearest >= 1.0 - 1e-9:
+    """Return whether a line leads through free cells; the cell beyond the edge that it ends on does not count."""
+    i, j, _, _, step_i, step_j, next_i, next_j, each_i, each_j = first_step(x0, y0, x1, y1)
+    while state[j, i] == FREE:
+        if min(next_i, next_j) >= 1.0 - 1e-9:
             return True
-        if next_x <= nearest + 1e-12:
-            next_x += each_x
-            column += step_x
-        if next_y <= nearest + 1e-12:
-            next_y += each_y
-            row += step_y
-
-
-@njit(nogil=True)
-def sight(state: NDArray[np.uint8], places: FloatArray, edges: FloatArray, farthest: FloatArray) -> NDArray[np.bool_]:
-    """Return which places see which edges between free and unknown cells, shape (n, m).
-
-    Args:
-        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
-        places: x, y in cells from the grid's corner, shape (n, 2).
-        edges: middles, and the directions to the unknown cell, x, y, dx, dy, in cells, shape (m, 4).
-        farthest: from which each edge is seen at most, in cells, shape (m,).
-    """
-    seen = np.zeros((len(places), len(edges)), np.bool_)
-    for i in range(len(places)):
-        for j in range(len(edges)):
-            dx, dy = edges[j, 0] - places[i, 0], edges[j, 1] - places[i, 1]
-            # From the free side only.
-            if dx * edges[j, 2] + dy * edges[j, 3] > 1e-9 and dx * dx + dy * dy <= farthest[j] ** 2:
-                seen[i, j] = line_is_free(state, places[i, 0], places[i, 1], edges[j, 0], edges[j, 1])
-    return seen
-
-
-@njit(nogil=True)
-def nearest_looks(
-    state: NDArray[np.uint8], places: FloatArray, cells: NDArray[np.int64], farthest: float
-) -> FloatArray:
-    """Return the least distance, in cells, from which each unknown cell was wholly in sight; infinite if from none.
-
-    It is so from where the middles of its four quarters are in sight: what is half hidden may well be seen from
-    elsewhere.
-
-    Args:
-        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
-        places: x, y in cells from the grid's corner, shape (n, 2).
-        cells: rows and columns, shape (m, 2).
-        farthest: in cells.
-    """
-    nearest = np.full(len(cells), np.inf)
-    for j in range(len(cells)):
-        row, column = cells[j, 0], cells[j, 1]
-        before = state[row, column]
-        state[row, column] = FREE
-        for i in range(len(places)):
-            x, y = places[i, 0], places[i, 1]
-            away = hypot(column + 0.5 - x, row + 0.5 - y)
-            whole = away <= farthest and away < nearest[j]
-            for quarter in range(4):
-                end_x, end_y = column + 0.25 + 0.5 * (quarter % 2), row + 0.25 + 0.5 * (quarter // 2)
-                whole = whole and line_is_free(state, x, y, end_x, end_y)
-            if whole:
-                nearest[j] = away
-        state[row, column] = before
-    return nearest
+        i, j, next_i, next_j = next_cell(i, j, step_i, step_j, next_i, next_j, each_i, each_j)
+    return False
 
 
 @njit(nogil=True)

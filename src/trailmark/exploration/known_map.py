@@ -5,6 +5,7 @@ A cell is occupied as a whole, wherever in it a surface was met, so that a passa
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import hypot
 from typing import Final, NamedTuple
 
@@ -14,63 +15,41 @@ from numpy.typing import NDArray
 from trailmark.estimation.grid import first_step
 from trailmark.estimation.records import Scan
 from trailmark.estimation.scan_matching import point_cloud
+from trailmark.formats.grid import CellObstacles, cells_of
 from trailmark.jit import callee, njit
 from trailmark.se2 import FloatArray, compose
-from trailmark.shapes import Rectangle, Shape
 from trailmark.world import World
 
-__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "Agreement", "KnownMap"]
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "Agreement", "KnownMap", "next_cell"]
 
 UNKNOWN: Final = 0
 FREE: Final = 1
 OCCUPIED: Final = 2
-
 LOST: Final = 0
 MET: Final = 1
 NOTHING: Final = 2
-
-TILE: Final = 16
-"""Cells: side of the squares in which the planner's world is drawn anew where a cell changed."""
-
+# Cells by which an end point is moved on along its beam: a surface between two cells belongs to the one behind it.
 NUDGE: Final = 1e-6
-"""Cells by which an end point is moved on along its beam: a surface between two cells belongs to the one behind it."""
-
-HIT: Final = 3
-"""Beams that clearly go through a cell and outweigh one that ends in it."""
-
-MOST: Final = 24
-"""Beams that have to go through a cell, at most, before what stood there counts as gone."""
-
-SURE: Final = 6
-"""The same without noise, when a surface is never met in the wrong cell."""
-
+HIT: Final = 3  # Beams that clearly go through a cell and outweigh one that ends in it.
+MOST: Final = 24  # Beams that have to go through a cell, at most, before what stood there counts as gone.
+SURE: Final = 6  # The same without noise, when a surface is never met in the wrong cell.
+# What beams through a free cell count together with noise: it takes three that end in it for it to be occupied.
 LEAST: Final = -6
-"""What beams through a free cell count together with noise: it takes three that end in it for it to be occupied."""
-
-NOISY: Final = 0.05
-"""Cells: standard deviation of end points up to which they are exact."""
-
-STEEP: Final = 0.5
-"""Sine of the angle to a surface up to which a beam that passes it says nothing against it."""
-
+NOISY: Final = 0.05  # Cells: standard deviation of end points up to which they are exact.
+STEEP: Final = 0.5  # Sine of the angle to a surface up to which a beam that passes it says nothing against it.
+BEAMS: Final = 180  # Of a scan, at most, that are asked whether they agree with the map.
+# Gaps between beams from one end point to the next on one surface: it is met at 20 degrees or more.
 JOINED: Final = 3.0
-"""Gaps between beams from one end point to the next on one surface: it is met at 20 degrees or more."""
-
-NEAR: Final = 2
-"""Cells from an end point within which a surface is the one that it lies on."""
+NEAR: Final = 2  # Cells from an end point within which a surface is the one that it lies on.
 
 
 class Agreement(NamedTuple):
     """How many beams of a scan agree with a map."""
 
-    met: int
-    """End at surfaces that are known."""
-    through: int
-    """Go through surfaces that are known."""
-    new: int
-    """End in the midst of what is known to be free."""
-    beams: int
-    """All that met something."""
+    met: int  # End at surfaces that are known.
+    through: int  # Go through surfaces that are known.
+    new: int  # End in the midst of what is known to be free.
+    beams: int  # All that met something.
 
     @property
     def against(self) -> int:
@@ -112,10 +91,6 @@ class KnownMap:
         self.state = np.zeros(shape, np.uint8)
         self._contacts = np.zeros(shape, np.bool_)
         self.clear()
-        # What the planner's world has: the cells that are not free, and by tile the ids of the boxes that cover them.
-        self._drawn = np.zeros(shape, np.bool_)
-        self._ids = dict[tuple[int, int], dict[tuple[int, ...], str]]()
-        self._count = 0
 
     @property
     def contacts(self) -> FloatArray:
@@ -178,9 +153,37 @@ class KnownMap:
     def agreement(self, scan: Scan, pose: FloatArray, max_range: float) -> Agreement:
         """Return how a scan that was taken from a pose would agree with what is known; see :meth:`add_scan`."""
         start, ends, kinds = self._beams(scan, pose, max_range)
-        tolerance = 3.0 * self.noise / self.cell + 2.0
-        met, through, new = agreement(self.state, self._normal, start, ends, kinds, tolerance)
-        return Agreement(met, through, new, int((kinds == MET).sum()))
+        chosen = np.flatnonzero((kinds != LOST) & (np.hypot(*(ends - start).T) > 1e-9))
+        chosen = chosen[:: -(-len(chosen) // BEAMS) or 1]
+        ends, met = ends[chosen], kinds[chosen] == MET
+        reach, shape = ends - start, np.array(self.state.shape[::-1])
+        length = np.hypot(*reach.T)
+        # What beams come to, half a cell after the other; of that what is occupied.
+        along = np.arange(0.0, length.max(initial=0.0), 0.5)
+        cells = np.floor(start + (reach / length[:, None])[:, None] * along[:, None]).astype(np.intp)
+        inside = (along < length[:, None]) & ((cells >= 0) & (cells < shape)).all(axis=2)
+        row, column = cells[..., 1][inside], cells[..., 0][inside]
+        beam = np.nonzero(inside)[0][self.state[row, column] == OCCUPIED]
+        row, column = (at[self.state[row, column] == OCCUPIED] for at in (row, column))
+        u, off = (reach / length[:, None])[beam], np.column_stack([column, row]) + 0.5 - start
+        normal = self._normal[row, column].astype(np.float64)
+        normal = np.where(normal.any(axis=1)[:, None], normal, u)
+        steep, behind = (normal * u).sum(axis=1), ((reach[beam] - off) * normal).sum(axis=1)
+        aside = np.abs(u[:, 0] * off[:, 1] - u[:, 1] * off[:, 0])
+        least = 0.5 * np.abs(normal).sum(axis=1) + 3.0 * self.noise / self.cell + 2.0
+        through = np.zeros(len(ends), np.bool_)
+        through[beam[(np.abs(steep) >= STEEP) & (aside <= 0.5) & (behind * np.sign(steep) >= least)]] = True
+        # Ends at known surfaces, and in the midst of what is free. Beams that ended right before a wall just out of
+        # range have shown its cells as free, not what is behind.
+        end = np.floor(ends).astype(np.intp)
+        judged = met & ~through & ((end >= -1) & (end <= shape)).all(axis=1)
+        amid = ((end >= NEAR) & (end < shape - NEAR)).all(axis=1)
+        window = np.stack(np.meshgrid(*[np.arange(-NEAR, NEAR + 1)] * 2), axis=-1).reshape(-1, 2)
+        around = np.clip(np.clip(end, 0, shape - 1)[:, None] + window, 0, shape - 1)
+        states = self.state[around[..., 1], around[..., 0]]
+        near = (states == OCCUPIED).any(axis=1)
+        new = judged & ~near & amid & (states == FREE).all(axis=1)
+        return Agreement(int((judged & near).sum()), int(through.sum()), int(new.sum()), int(met.sum()))
 
     def _beams(
         self, scan: Scan, pose: FloatArray, max_range: float
@@ -209,65 +212,28 @@ class KnownMap:
         return np.asarray(np.asarray(self.origin) + self.cell * (np.column_stack([columns, rows]) + 0.5))
 
     def follow(self, world: World) -> World:
-        """Return the world with its obstacles, all that is not free, replaced where cells changed since the last call.
+        """Return the world with all that is not free as its obstacles; the same one if nothing changed.
 
         What is not known is an obstacle as what is occupied, so that no valid path leads through it.
         """
-        remove, add = list[str](), dict[str, Shape]()
-        blocked = self.state != FREE
-        changed = np.unique(np.argwhere(blocked != self._drawn) // TILE, axis=0)
-        tiles = [(i, j) for i, j in changed.tolist()]
-        if not self._ids:
-            tiles = [(i, j) for i in range(-(-blocked.shape[0] // TILE)) for j in range(-(-blocked.shape[1] // TILE))]
-        self._drawn = blocked
-        for i, j in tiles:
-            boxes = rectangles(blocked[i * TILE : (i + 1) * TILE, j * TILE : (j + 1) * TILE])
-            old, new = self._ids.get((i, j), {}), dict[tuple[int, ...], str]()
-            for box in map(tuple, boxes.tolist()):
-                if box in old:
-                    new[box] = old[box]
-                    continue
-                self._count += 1
-                new[box] = f"cells-{self._count}"
-                x0, y0, x1, y1 = box
-                x, y = self.origin[0] + self.cell * j * TILE, self.origin[1] + self.cell * i * TILE
-                centre = x + 0.5 * self.cell * (x0 + x1), y + 0.5 * self.cell * (y0 + y1)
-                add[new[box]] = Rectangle(centre, self.cell * (x1 - x0), self.cell * (y1 - y0))
-            remove += [name for box, name in old.items() if box not in new]
-            self._ids[i, j] = new
-        return world.edited(add=add, remove=remove) if add or remove else world
+        blocked, before = self.state != FREE, cells_of(world.obstacles)
+        if before is not None and np.array_equal(before.occupied, blocked):
+            return world
+        return replace(world, obstacles=CellObstacles(blocked, self.cell, (*self.origin, 0.0)).as_tuple())
 
 
-@njit
-def rectangles(mask):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Return boxes x0, y0, x1, y1, shape (n, 4), that cover a mask exactly: runs of a row, joined to equal ones above.
+@callee
+def next_cell(i, j, step_i, step_j, next_i, next_j, each_i, each_j):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Return the next column and row along a line, and where those after it begin; see :func:`first_step`.
 
-    Args:
-        mask: shape (rows, columns) of bool.
+    Cells that the line only touches in a corner are left out.
     """
-    rows, columns = mask.shape
-    found, count = np.empty((mask.size, 4), dtype=np.int64), 0
-    open_at = np.full(columns, -1, dtype=np.int64)  # by its first column, the box that the row before ended
-    for r in range(rows):
-        c = 0
-        while c < columns:
-            if not mask[r, c]:
-                open_at[c] = -1
-                c += 1
-                continue
-            first = c
-            while c < columns and mask[r, c]:
-                if c > first:
-                    open_at[c] = -1
-                c += 1
-            k = open_at[first]
-            if k >= 0 and found[k, 2] == c and found[k, 3] == r:
-                found[k, 3] = r + 1
-                continue
-            found[count, 0], found[count, 1], found[count, 2], found[count, 3] = first, r, c, r + 1
-            open_at[first] = count
-            count += 1
-    return found[:count].copy()
+    nearest = min(next_i, next_j) + 1e-12
+    if next_i <= nearest:
+        i, next_i = i + step_i, next_i + each_i
+    if next_j <= nearest:
+        j, next_j = j + step_j, next_j + each_j
+    return i, j, next_i, next_j
 
 
 @njit(nogil=True)
@@ -298,18 +264,15 @@ def enter_scan(state, evidence, normal, point, stamp, fixed, now, start, ends, k
             continue
         ex, ey = ends[k]
         ox, oy = ex, ey
-        width = hypot(ex - sx, ey - sy) * gap
         # On to the next end point, where both lie on one surface: no hole is left between the beams.
-        if (
-            k + 1 < len(ends)
-            and kinds[k + 1] == MET
-            and hypot(ends[k + 1, 0] - ex, ends[k + 1, 1] - ey) < (JOINED * width)
-        ):
-            ox, oy = ends[k + 1]
+        if k + 1 < len(ends) and kinds[k + 1] == MET:
+            nx, ny = ends[k + 1]
+            if hypot(nx - ex, ny - ey) < JOINED * hypot(ex - sx, ey - sy) * gap:
+                ox, oy = nx, ny
         i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(ex, ey, ox, oy)
         share = 0.0
         for step in range(abs(last_i - i) + abs(last_j - j) + 1):
-            if step > 0 and i == last_i and j == last_j:
+            if step > 0 and ((i == last_i and j == last_j) or share >= 1.0):
                 break  # it is entered with the next beam
             # What noise puts beyond the bounds belongs to the cells along them.
             if -1 <= j <= rows and -1 <= i <= columns:
@@ -324,12 +287,7 @@ def enter_scan(state, evidence, normal, point, stamp, fixed, now, start, ends, k
                 if state[r, c] != OCCUPIED and evidence[r, c] > 0:
                     state[r, c], changed = OCCUPIED, True
             share = min(next_i, next_j)
-            if next_i < next_j:
-                next_i += each_i
-                i += step_i
-            else:
-                next_j += each_j
-                j += step_j
+            i, j, next_i, next_j = next_cell(i, j, step_i, step_j, next_i, next_j, each_i, each_j)
     for k in range(len(ends)):
         ex, ey = ends[k]
         length = hypot(ex - sx, ey - sy)
@@ -358,12 +316,9 @@ def enter_scan(state, evidence, normal, point, stamp, fixed, now, start, ends, k
                         evidence[j, i] -= 1
                         if state[j, i] == OCCUPIED and evidence[j, i] <= 0:
                             state[j, i], changed = FREE, True
-            if next_i < next_j:
-                next_i += each_i
-                i += step_i
-            else:
-                next_j += each_j
-                j += step_j
+            if min(next_i, next_j) >= 1.0:
+                break
+            i, j, next_i, next_j = next_cell(i, j, step_i, step_j, next_i, next_j, each_i, each_j)
     return changed
 
 
@@ -379,55 +334,3 @@ def _is_passed(normal, x, y, ux, uy, ex, ey, beyond):  # type: ignore[no-untyped
     steep = nx * ux + ny * uy
     behind = ((ex - x) * nx + (ey - y) * ny) * (1.0 if steep > 0.0 else -1.0)
     return abs(steep) >= STEEP and abs(ux * y - uy * x) <= 0.5 and behind >= 0.5 * (abs(nx) + abs(ny)) + beyond
-
-
-@njit(nogil=True)
-def agreement(state, normal, start, ends, kinds, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Return how many beams end at known surfaces, go through them, and end where nothing was known to be.
-
-    Args:
-        state: UNKNOWN, FREE or OCCUPIED of each cell, shape (rows, columns).
-        normal: across the surface in it; zero where that is not known.
-        start: where the scanner stands, shape (2,), in cells from the grid's corner.
-        ends: of its beams, shape (n, 2), likewise.
-        kinds: LOST, MET or NOTHING, shape (n,).
-        tolerance: cells beyond a surface up to which a beam has not gone through it.
-    """
-    rows, columns = state.shape
-    met, through, new = 0, 0, 0
-    sx, sy = start
-    for k in range(len(ends)):
-        ex, ey = ends[k]
-        length = hypot(ex - sx, ey - sy)
-        if kinds[k] == LOST or length < 1e-9:
-            continue
-        ux, uy = (ex - sx) / length, (ey - sy) / length
-        i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(sx, sy, ex, ey)
-        passed = False
-        for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
-            if 0 <= i < columns and 0 <= j < rows and state[j, i] == OCCUPIED:
-                x, y = i + 0.5 - sx, j + 0.5 - sy
-                passed = _is_passed(normal[j, i], x, y, ux, uy, ex - sx, ey - sy, tolerance)
-                if passed:
-                    break
-            if next_i < next_j:
-                next_i += each_i
-                i += step_i
-            else:
-                next_j += each_j
-                j += step_j
-        if passed:
-            through += 1
-        elif kinds[k] == MET and -1 <= last_i <= columns and -1 <= last_j <= rows:
-            last_i, last_j, near = min(max(last_i, 0), columns - 1), min(max(last_j, 0), rows - 1), False
-            # Beams that ended right before a wall just out of range have shown its cells as free, not what is behind.
-            amid = NEAR <= last_i < columns - NEAR and NEAR <= last_j < rows - NEAR
-            for r in range(max(0, last_j - NEAR), min(rows, last_j + NEAR + 1)):
-                for c in range(max(0, last_i - NEAR), min(columns, last_i + NEAR + 1)):
-                    near = near or state[r, c] == OCCUPIED
-                    amid = amid and state[r, c] == FREE
-            if near:
-                met += 1
-            elif amid:
-                new += 1
-    return met, through, new

@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from trailmark.estimation.covariance import is_covariance
 from trailmark.estimation.ekf_slam import repeats
+from trailmark.estimation.mapping import map_log
 from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.exploration.known_map import KnownMap
-from trailmark.se2 import FloatArray
-from trailmark.world import World
+from trailmark.exploration.result import ExplorationSettings
+from trailmark.se2 import FloatArray, between
+from trailmark.world import Robot, World
 
 __all__ = ["CARRIED", "Belief", "Mapper", "RecordChecks"]
 
 
+# Share of the sensor's range that a robot cannot drive from one record to the next: nothing would be seen again.
 JUMP: Final = 0.5
-"""Share of the sensor's range that a robot cannot drive from one record to the next: nothing would be seen again."""
-
+# Covariance, in metres and radians, of the motion that a mapper writes down when a robot that was carried away is
+# found again. As large a one may be a jump.
 CARRIED: Final = np.diag([0.05**2, 0.05**2, 0.02**2])
-"""Covariance, in metres and radians, of the motion that a mapper writes down when a robot that was carried away is
-found again. As large a one may be a jump."""
-
-MOMENT: Final = 0.1
-"""Seconds for which a velocity holds at least, until the next one."""
-
+STRANGE: Final = 3  # Readings in a row that do not fit the map, after which the robot is lost.
+MOMENT: Final = 0.1  # Seconds for which a velocity holds at least, until the next one.
 READS: Final = {Scan: "scans", Detection: "detections"}
 
 
@@ -44,16 +44,6 @@ class RecordChecks:
         self._time, self._last, self._beams = -math.inf, -math.inf, 0
         self._instant = list[Detection]()
         self._increment: Increment | None = None
-
-    def usable(self, records: Sequence[Record], refused: list[str]) -> Iterator[Record]:
-        """Yield the records that can be used, poses left out; a sentence for each other one is added to ``refused``."""
-        for record in records:
-            if isinstance(record, Pose):
-                continue
-            if problem := self.refusal(record):
-                refused.append(problem)
-            else:
-                yield record
 
     def refusal(self, record: Record) -> str:
         """Return why a record cannot be used, in a sentence; empty if it can, which then counts as the last one."""
@@ -136,54 +126,101 @@ class RecordChecks:
 
 
 class Belief(NamedTuple):
-    """What a mapper knows after the records of one reading, and what became of them."""
+    """What became of the records of one reading."""
 
-    pose: FloatArray
-    """Where the robot is, shape (3,)."""
-    covariance: FloatArray
-    """Of the pose, shape (3, 3), in the frame of the start."""
-    readings: int
-    """Scans or detections that were used."""
-    refused: tuple[str, ...]
-    """One sentence for each record that was not used: repeated, late, impossible."""
-    lost: bool
-    """Whether the innovations say that the robot is not where it should be (carried away)."""
-    redrawn: bool
-    """Whether poses of the past were corrected, so that the map was drawn anew (a loop was closed)."""
+    readings: int  # Scans or detections that were used.
+    refused: tuple[str, ...]  # One sentence for each record that was not used: repeated, late, impossible.
+    lost: bool  # Whether the innovations say that the robot is not where it should be (carried away).
+    redrawn: bool  # Whether poses of the past were corrected, so that the map was drawn anew (a loop was closed).
 
 
-class Mapper(Protocol):
-    """Takes records in, and says where the robot is and what is known of the world."""
+class Mapper(ABC):
+    """Takes records in, and says where the robot is and what is known of the world.
 
-    known: KnownMap
-    """Cells; what no reading has reached stays unknown."""
-    records: list[Record]
-    """All that were used, in the order of time, as the log will hold them; first a ``Pose``, where it began."""
+    Args:
+        start: where the robot stands first, shape (3,).
+        known: the cells to fill in, nothing known so far; what no reading has reached stays unknown.
+        robot: of the world.
+        settings: the confidence asked for.
+        reading: the kind of reading that is expected.
+        max_range: the sensor's, metres.
+
+    Attributes:
+        known: the cells.
+        records: all that were used, in the order of time, as the log will hold them; first a ``Pose``, where it began.
+    """
+
+    def __init__(
+        self,
+        start: FloatArray,
+        known: KnownMap,
+        robot: Robot,
+        settings: ExplorationSettings,
+        reading: type[Scan] | type[Detection],
+        max_range: float,
+    ) -> None:
+        self.known, self.records = known, list[Record]()
+        self._start, self._robot, self._confidence = np.asarray(start, dtype=np.float64), robot, settings.confidence
+        self._checks, self._strange = RecordChecks(reading, max_range), 0
 
     @property
+    @abstractmethod
     def pose(self) -> FloatArray:
         """Where the robot is, shape (3,)."""
 
     @property
+    @abstractmethod
+    def covariance(self) -> FloatArray:
+        """Of the pose, shape (3, 3), in the frame of the start."""
+
+    @property
+    @abstractmethod
     def trajectory(self) -> FloatArray:
         """Where it was, as is known now, shape (n, 4), rows t, x, y, theta."""
 
     @property
+    @abstractmethod
     def covariances(self) -> FloatArray:
         """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
 
     @property
+    @abstractmethod
     def margin(self) -> float:
         """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one. Constant."""
 
+    @abstractmethod
     def take(self, records: Sequence[Record]) -> Belief:
         """Take in what was sensed, and bring pose and map up to date."""
 
+    @abstractmethod
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
 
     def finished_log(self, log: Log) -> Log:
         """Return a log of all that was recorded, with what was found out since about where it was."""
+        return log
 
     def finished_map(self, log: Log) -> World:
         """Return the world that ``trailmark map`` makes of the finished log: obstacles with covariances."""
+        return map_log(log, robot=self._robot).world
+
+    def _usable(self, records: Sequence[Record], refused: list[str]) -> Iterator[Record]:
+        """Yield the records that can be used, poses left out; a sentence for each other one is added to ``refused``."""
+        for record in records:
+            if isinstance(record, Pose):
+                continue
+            if problem := self._checks.refusal(record):
+                refused.append(problem)
+                continue
+            if not self.records:
+                self.records.append(Pose(record.t, *self._start.tolist()))
+            yield record
+
+    def _belief(self, readings: int, refused: list[str], redrawn: bool = False) -> Belief:
+        return Belief(readings, tuple(refused), self._strange >= STRANGE, redrawn)
+
+    def _carry(self, t: float, pose: FloatArray, covariance: FloatArray) -> Increment:
+        """Return the motion to where the robot was found again, which no odometry has told: the log leads there too."""
+        dx, dy, turn = between(self.pose, pose).tolist()
+        self._strange = 0
+        return Increment(t, dx, dy, turn, covariance)

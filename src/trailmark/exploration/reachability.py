@@ -9,47 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision.field import distance_transform
-from trailmark.exploration.known_map import FREE, KnownMap
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.jit import njit
 from trailmark.se2 import FloatArray
 from trailmark.world.robot import Robot
 
-__all__ = ["CERTAIN", "HALF", "NOWHERE", "Reach", "Travel", "cells_away", "connected", "costs_between", "reach_of"]
+__all__ = ["CERTAIN", "NOWHERE", "Reach", "Travel", "costs_between", "perhaps_reached", "reach_of"]
 
+# The robot's reference point provably cannot get to any place in a cell; it can get to its centre, with any heading.
+# In between it perhaps can: the more, the more room there is.
 NOWHERE, CERTAIN = 0, 6
-"""The robot's reference point provably cannot get to any place in a cell; it can get to its centre, with any heading.
-In between it perhaps can: the more, the more room there is."""
-
-HALF: Final = 0.5 * sqrt(2.0)
-"""From a cell's centre to its corner."""
-
-TIGHT = 2
-"""Times as much that a metre is taken to cost where it is not certain that the robot fits."""
-
-SPARE = 0.6
-"""Of the robot's inner radius: the coarser cells are no larger, so that no wall lies within one of them."""
-
-COARSEST = 16
-"""Cells, along either side of one of the coarser ones, at most."""
-
-NEAREST = 10
-"""Places up to which ways from a place are followed; to the others they lead by way of those."""
-
+HALF: Final = 0.5 * sqrt(2.0)  # From a cell's centre to its corner.
+TIGHT = 2  # Times as much that a metre is taken to cost where it is not certain that the robot fits.
+SPARE = 0.6  # Of the robot's inner radius: the coarser cells are no larger, so that no wall lies within one of them.
+COARSEST = 16  # Cells, along either side of one of the coarser ones, at most.
+PARTS = 6  # Of a cell, along either side, that are looked at one by one where it matters.
+CORNERS = np.array([(0, 0), (0, 1), (1, 0), (1, 1)])  # Of a cell, from its first one.
+NEAREST = 10  # Places up to which ways from a place are followed; to the others they lead by way of those.
 STRAIGHT: Final = 12
-DIAGONAL: Final = 17
-"""Steps, in twelfths of a cell's side: 17/12 is 0.2 % more than the root of two."""
+DIAGONAL: Final = 17  # Steps, in twelfths of a cell's side: 17/12 is 0.2 % more than the root of two.
 
 
 class Reach(NamedTuple):
     """Where a robot gets to, arrays of shape (rows, columns)."""
 
-    levels: NDArray[np.uint8]
-    """From NOWHERE to CERTAIN."""
+    levels: NDArray[np.uint8]  # From NOWHERE to CERTAIN.
+    # Number of the room of each cell: within one the robot gets from everywhere to everywhere, with any heading. 0
+    # where it does not fit with any heading.
     rooms: NDArray[np.int32]
-    """Number of the room of each cell: within one the robot gets from everywhere to everywhere, with any heading. 0
-    where it does not fit with any heading."""
-    distance: NDArray[np.float32]
-    """Cells from each centre to that of the nearest cell that is not free."""
+    distance: NDArray[np.float32]  # Cells from each centre to that of the nearest cell that is not free.
 
     def in_rooms_of(self, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which cells are in the same room as one of some cells, shape (rows, columns)."""
@@ -78,11 +66,11 @@ def reach_of(known: KnownMap, been: NDArray[np.bool_], robot: Robot) -> Reach:
     from scipy import ndimage
 
     inner, outer = (r / known.cell for r in (robot.reference_radius + robot.clearance, robot.circumradius))
-    distance = cells_away(known.state != FREE)
+    distance = _cells_away(known.state != FREE)
     # Half a diagonal, since cells have corners, and as much for the way to the centres around.
     rooms = np.asarray(ndimage.label(distance >= outer + 2.0 * HALF, np.ones((3, 3)))[0], np.int32)
     least = inner + 0.5 - HALF
-    levels = np.where(connected((distance >= least) & (known.state == FREE), been), np.uint8(1), np.uint8(NOWHERE))
+    levels = np.where(_connected((distance >= least) & (known.state == FREE), been), np.uint8(1), np.uint8(NOWHERE))
     room = (distance - least) / max(outer + 2.0 * HALF - least, 1e-9)
     levels[levels > 0] += np.clip(4.0 * room[levels > 0], 0.0, 4.0).astype(np.uint8)
     found = Reach(levels, rooms, distance)
@@ -90,12 +78,48 @@ def reach_of(known: KnownMap, been: NDArray[np.bool_], robot: Robot) -> Reach:
     return found
 
 
-def cells_away(mask: NDArray[np.bool_], outside: bool = True) -> NDArray[np.float32]:
+def perhaps_reached(known: KnownMap, been: NDArray[np.bool_], robot: Robot) -> NDArray[np.bool_]:
+    """Return the cells where the robot may fit and is not proven unable to get to, shape (rows, columns).
+
+    Whatever its heading, its inscribed disc may touch no unknown cell and no point where a beam ended, and cover no
+    occupied cell as a whole. On the way there that is asked for whole parts of cells, at its end for their middles.
+
+    Args:
+        known: the map.
+        been: cells where the robot's reference point is or was.
+        robot: without any clearance.
+    """
+    from scipy.spatial import cKDTree
+
+    radius, ended = robot.reference_radius / known.cell, np.isfinite(known.points[..., 0])
+    unknown, occupied, away = known.state == UNKNOWN, known.state == OCCUPIED, _cells_away(known.state != FREE)
+    corners = np.argwhere(unknown & (_cells_away(~unknown) < 2.0))[:, None, ::-1] + CORNERS
+    met = np.argwhere(occupied & ended)[:, ::-1] + known.points[occupied & ended]
+    # What may not be touched, and what not be covered.
+    obstacles = [(np.concatenate([corners.reshape(-1, 2), met]), radius)]
+    obstacles += [(np.argwhere(occupied & ~ended)[:, ::-1] + 0.5, radius - HALF)]
+    trees = [(cKDTree(points), least) for points, least in obstacles if len(points)]
+    passed, extent = away >= radius + 2.0 * HALF, np.subtract(known.bounds[2:], known.bounds[:2]) / known.cell
+    middles = np.stack(np.meshgrid(*[(np.arange(PARTS) + 0.5) / PARTS] * 2), -1).reshape(-1, 2)
+    asked = np.argwhere(~passed & ~unknown & (away >= radius - 3.0 * HALF))
+    fits = passed.copy()
+    for cells in np.array_split(asked, 1 + len(asked) // 10_000):
+        parts = (cells[:, None, ::-1] + middles).reshape(-1, 2)
+        spare = np.minimum(parts, extent - parts).min(axis=1) - radius
+        for tree, least in trees:
+            spare = np.minimum(spare, tree.query(parts, distance_upper_bound=radius)[0] - least)
+        spare = spare.reshape(len(cells), -1)
+        passed[tuple(cells.T)] = (spare >= -HALF / PARTS).any(axis=1)
+        fits[tuple(cells.T)] = (spare >= 0.0).any(axis=1)
+    return _connected(passed, been) & fits
+
+
+def _cells_away(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return the distance from each cell's centre to the nearest in a mask, in cells; what lies outside counts."""
-    return distance_transform(np.pad(mask, 1, constant_values=outside), 1.0)[1:-1, 1:-1]
+    return distance_transform(np.pad(mask, 1, constant_values=True), 1.0)[1:-1, 1:-1]
 
 
-def connected(passed: NDArray[np.bool_], been: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _connected(passed: NDArray[np.bool_], been: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the cells that are joined, through some that are passed, to where the robot was."""
     from scipy import ndimage
 

@@ -19,7 +19,7 @@ import json
 import math
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
@@ -44,11 +44,11 @@ __all__ = [
     "ExplorationProgress",
     "ExplorationResult",
     "ExplorationSettings",
-    "History",
     "SavedExploration",
     "Status",
     "check_folder",
     "keep_exploration",
+    "landmarks_of",
     "load_exploration",
     "save_exploration",
     "summary_of",
@@ -57,8 +57,8 @@ __all__ = [
 Status = Literal["complete", "complete-at-confidence", "time", "distance", "stuck", "silent", "interrupted"]
 
 
+# Cells of the map by default, at most, and four times as many in any case: each takes about 30 bytes.
 MAX_CELLS = 4_000_000
-"""Cells of the map by default, at most, and four times as many in any case: each takes about 30 bytes."""
 
 
 @dataclass(frozen=True)
@@ -103,58 +103,6 @@ class ExplorationSettings:
         return self.cell
 
 
-class History(NamedTuple):
-    """The n rows of an exploration's history; what is left of a path is not kept anew."""
-
-    figures: FloatArray
-    """Shape (n, 8): time, distance, area, landmarks, sigma, x, y, theta."""
-    targets: FloatArray
-    """Shape (n, 3), NaN where there was none."""
-    spans: NDArray[np.int32]
-    """First and last row of ``paths``, the last one left out, that were to be followed, shape (n, 2); -1 for none."""
-    paths: FloatArray
-    """The states of all paths, one after the other, shape (m, 3)."""
-    events: tuple[tuple[int, str], ...]
-    """Rows at which something happened, and what."""
-
-    @classmethod
-    def of(cls, history: Sequence[ExplorationProgress]) -> History:
-        """Return a history as arrays."""
-        n = len(history)
-        figures = np.array([[*row[:5], *row.pose] for row in history], dtype=np.float64).reshape(n, 8)
-        targets = np.array([np.full(3, np.nan) if row.target is None else row.target for row in history])
-        paths, count, spans = list[FloatArray](), 0, np.full((n, 2), -1, dtype=np.int32)
-        for i, row in enumerate(history):
-            if row.path is not None:
-                left = len(row.path)
-                if not paths or not np.array_equal(paths[-1][-left:], row.path):
-                    paths.append(np.asarray(row.path, dtype=np.float64))
-                    count += left
-                spans[i] = count - left, count
-        states = np.concatenate([np.empty((0, 3)), *paths])
-        events = tuple((i, row.event) for i, row in enumerate(history) if row.event)
-        return cls(figures, targets.reshape(n, 3), spans, states, events)
-
-    def progress(self) -> tuple[ExplorationProgress, ...]:
-        """Return the history that these are the arrays of."""
-        said = dict(self.events)
-        found = list[ExplorationProgress]()
-        for i, (row, target, span) in enumerate(zip(self.figures, self.targets, self.spans.tolist(), strict=True)):
-            time, distance, area, landmarks, sigma = row[:5].tolist()
-            aim = None if np.isnan(target).any() else target
-            way = None if span[0] < 0 else self.paths[slice(*span)]
-            found.append(
-                ExplorationProgress(time, distance, area, int(landmarks), sigma, row[5:], aim, way, said.get(i, ""))
-            )
-        return tuple(found)
-
-    def landmarks(self) -> FloatArray:
-        """Return the landmarks that were driven to, shape (k, 3), in their order."""
-        counted = np.diff(self.figures[:, 3], prepend=0.0) > 0.0
-        chosen = np.where(np.isnan(self.targets), self.figures[:, 5:], self.targets)
-        return chosen[counted]
-
-
 class ExplorationProgress(NamedTuple):
     """Where an exploration stands."""
 
@@ -189,8 +137,34 @@ class Evaluation(NamedTuple):
     """Mean normalised estimation error squared of its place and heading, 3 where the covariances are right."""
 
 
-@dataclass(frozen=True)
-class ExplorationResult:
+@dataclass(frozen=True, kw_only=True)
+class SavedExploration:
+    """What is needed to go on with an exploration.
+
+    Attributes:
+        log: all that was recorded.
+        history: one for each reading of the sensor.
+        first_known: seconds of the robot's clock at which each cell was known first, shape (rows, columns), infinite
+            where it is not.
+        contacts: where the robot ran into something, shape (n, 2), metres.
+        robot_state: of the simulated robot; None with a real one.
+        seconds: time that it took so far, decisions included.
+        decisions: seconds of each reading at which a landmark was chosen, or the way to it looked for, shape (n,).
+        options: whatever the caller kept beside it: what the exploration was begun with.
+    """
+
+    log: Log
+    history: tuple[ExplorationProgress, ...]
+    first_known: NDArray[np.float32]
+    contacts: FloatArray
+    robot_state: dict[str, Any] | None
+    seconds: float
+    decisions: FloatArray
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplorationResult(SavedExploration):
     """The outcome of an exploration.
 
     Attributes:
@@ -198,35 +172,22 @@ class ExplorationResult:
         reason: the same, in a sentence.
         world: the map, its obstacles with covariances (as ``trailmark map`` makes it of the log).
         known: the cells at the end.
-        first_known: seconds of the robot's clock at which each cell was known first, shape of ``known.state``,
-            infinite where it is not.
         roadmap: landmarks and certified motions between them, in the map as it is known at the end.
-        log: all that was recorded.
-        history: one for each reading of the sensor.
         strategy: its name.
         seed: of what was drawn.
         settings: with which it was run.
-        seconds: time that it took, decisions included.
-        decisions: seconds of each reading at which a landmark was chosen, or the way to it looked for, shape (n,).
         evaluation: by the simulator; None with a real robot.
-        robot_state: of the simulated robot at the end, so that it can go on; None with a real one.
     """
 
     status: Status
     reason: str
     world: World
     known: KnownMap
-    first_known: NDArray[np.float32]
     roadmap: Roadmap
-    log: Log
-    history: tuple[ExplorationProgress, ...]
     strategy: str
     seed: int
     settings: ExplorationSettings
-    seconds: float
-    decisions: FloatArray
     evaluation: Evaluation | None = None
-    robot_state: dict[str, Any] | None = None
 
 
 FILES: Final = (
@@ -235,29 +196,14 @@ FILES: Final = (
 )
 """Names of all files."""
 
-GREY = np.array([nav2_map.UNKNOWN, nav2_map.FREE, nav2_map.OCCUPIED], dtype=np.uint8)
-"""By the state of a cell."""
+GREY = np.array([nav2_map.UNKNOWN, nav2_map.FREE, nav2_map.OCCUPIED], dtype=np.uint8)  # By the state of a cell.
 
 
-class SavedExploration(NamedTuple):
-    """What is needed to go on with an exploration."""
-
-    log: Log
-    """All that was recorded."""
-    history: tuple[ExplorationProgress, ...]
-    """As :class:`ExplorationResult` has it."""
-    first_known: NDArray[np.float32]
-    """As :class:`ExplorationResult` has it."""
-    contacts: FloatArray
-    """Where the robot ran into something, shape (n, 2), metres."""
-    robot_state: dict[str, Any] | None
-    """Of the simulated robot; None with a real one."""
-    seconds: float
-    """Time that it took so far, as :class:`ExplorationResult` has it."""
-    decisions: FloatArray
-    """Seconds that each choice of a landmark took, shape (n,)."""
-    options: dict[str, Any]
-    """Whatever the caller kept beside it: what the exploration was begun with."""
+def landmarks_of(history: Sequence[ExplorationProgress]) -> FloatArray:
+    """Return the landmarks that were driven to, shape (k, 3), in their order."""
+    counts = np.diff([row.landmarks for row in history], prepend=0)
+    chosen = [row.pose if row.target is None else row.target for row in history]
+    return np.array(chosen, dtype=np.float64).reshape(-1, 3)[counts > 0]
 
 
 def summary_of(result: ExplorationResult) -> dict[str, Any]:
@@ -324,9 +270,7 @@ def save_exploration(
         OutputError: as :func:`check_folder`.
     """
     path, known = Path(folder), result.known
-    found = result.log, result.history, result.first_known, known.contacts
-    kept = *found, result.robot_state, result.seconds, result.decisions
-    keep_exploration(SavedExploration(*kept, options or {}), path)
+    keep_exploration(replace(result, options=options or {}), path)
     result.world.save(path / "world.yaml")
     nav2_map.save_nav2_cells(GREY[known.state], path / "map.yaml", known.cell, known.origin)
     result.roadmap.save(path / "roadmap.npz")
@@ -363,36 +307,50 @@ def load_exploration(folder: str | Path) -> SavedExploration:
         _limit_size(data)
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             state = json.loads(str(arrays["state"]))
-            named = {name: arrays[name] for name in History._fields if name != "events"}
-            history = History(**named, events=tuple((int(i), str(text)) for i, text in state["events"])).progress()
-            # Explorations of earlier versions have none.
-            contacts = np.asarray(arrays.get("contacts", ()), np.float64).reshape(-1, 2)
-            first, mark = np.asarray(arrays["first_known"], dtype=np.float32), str(arrays["fingerprint"])
-        saved = SavedExploration(
-            log,
-            history,
-            first,
-            contacts,
-            state["robot"],
-            float(state["seconds"]),
-            np.asarray(state["decisions"], dtype=np.float64),
-            dict(state["options"]),
-        )
+            said = {int(i): str(text) for i, text in state["events"]}
+            history = tuple(_progress(row, said.get(i, "")) for i, row in enumerate(arrays["history"]))
+            saved = SavedExploration(
+                log=log,
+                history=history,
+                first_known=np.asarray(arrays["first_known"], dtype=np.float32),
+                contacts=np.asarray(arrays["contacts"], np.float64).reshape(-1, 2),
+                robot_state=state["robot"],
+                seconds=float(state["seconds"]),
+                decisions=np.asarray(state["decisions"], dtype=np.float64),
+                options=dict(state["options"]),
+            )
     except Exception as error:  # numpy and zipfile let errors of many kinds through for damaged data
         raise FormatError(file, f"not a file that trailmark explore wrote: {str(error)[:120]}") from None
-    if mark != _fingerprint(log):
+    if state["fingerprint"] != _fingerprint(log):
         raise FormatError(file, "expected the log.jsonl that was written with it, got another one")
     return saved
 
 
+def _progress(row: FloatArray, event: str) -> ExplorationProgress:
+    """Return a row of the history as it was kept; paths are not."""
+    time, distance, area, landmarks, sigma = row[:5].tolist()
+    target = None if np.isnan(row[8]) else row[8:]
+    return ExplorationProgress(time, distance, area, int(landmarks), sigma, row[5:8], target, None, event)
+
+
 def _resume_bytes(saved: SavedExploration) -> bytes:
-    arrays: dict[str, Any] = History.of(saved.history)._asdict()
-    arrays |= {"first_known": saved.first_known, "contacts": saved.contacts}
-    state = {"events": arrays.pop("events"), "robot": saved.robot_state, "options": saved.options}
-    state |= {"seconds": saved.seconds, "decisions": saved.decisions.tolist()}
+    nowhere = np.full(3, np.nan)
+    rows = [[*row[:5], *row.pose, *(nowhere if row.target is None else row.target)] for row in saved.history]
+    state = {
+        "events": [(i, row.event) for i, row in enumerate(saved.history) if row.event],
+        "robot": saved.robot_state,
+        "options": saved.options,
+        "seconds": saved.seconds,
+        "decisions": saved.decisions.tolist(),
+        "fingerprint": _fingerprint(saved.log),
+    }
     buffer = io.BytesIO()
     np.savez_compressed(
-        buffer, **arrays, state=np.array(json.dumps(state)), fingerprint=np.array(_fingerprint(saved.log))
+        buffer,
+        history=np.array(rows).reshape(-1, 11),
+        first_known=saved.first_known,
+        contacts=saved.contacts,
+        state=np.array(json.dumps(state)),
     )
     return buffer.getvalue()
 
@@ -406,12 +364,8 @@ def _limit_size(data: bytes) -> None:
 
 def _fingerprint(log: Log) -> str:
     """Return what tells one log from another: its name, its length and its last record."""
-    told = (
-        log.name,
-        len(log.records),
-        repr([np.asarray(value).tolist() for value in log.records[-1] if value is not None]),
-    )
-    return hashlib.sha256(repr(told).encode()).hexdigest()
+    last = [np.asarray(value).tolist() for value in log.records[-1] if value is not None]
+    return hashlib.sha256(repr((log.name, len(log.records), repr(last))).encode()).hexdigest()
 
 
 def _number(value: float) -> float | None:

@@ -11,73 +11,45 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.covariance import chi_square_quantile
 from trailmark.estimation.laser_slam import ScanSlam
-from trailmark.estimation.mapping import map_log
 from trailmark.estimation.odometry import DeadReckoning
 from trailmark.estimation.pose_graph import MIN_POINTS, GraphSettings
-from trailmark.estimation.records import Increment, Log, Odometry, Pose, Record, Scan
+from trailmark.estimation.records import Increment, Log, Odometry, Record, Scan
 from trailmark.estimation.scan_matching import Window, joined, local_map, refine, search, surface_cloud
 from trailmark.estimation.virtual_sensors import Scanner
 from trailmark.exploration.known_map import KnownMap
-from trailmark.exploration.mapper import CARRIED, Belief, RecordChecks
+from trailmark.exploration.mapper import CARRIED, Belief, Mapper
 from trailmark.exploration.result import ExplorationSettings
 from trailmark.se2 import FloatArray, between, compose, difference
-from trailmark.world import Robot, World
+from trailmark.world import Robot
 
 __all__ = ["ScanMapper", "apart", "graph_settings"]
 
 
+# Metres and radians between scans by which a map is drawn anew, or from the log: in between little else is seen.
 SPACING: Final = 0.25, 0.3
-"""Metres and radians between scans by which a map is drawn anew, or from the log: in between little else is seen."""
-
-RECENT: Final = 10
-"""Scans that are drawn in any case: what has vanished since is gone."""
-
-
+RECENT: Final = 10  # Scans that are drawn in any case: what has vanished since is gone.
+# Times the standard deviation of a step that odometry states, for matching: what it does not know of.
 SLIPPING: Final = 1.5
-"""Times the standard deviation of a step that odometry states, for matching: what it does not know of."""
-
-LEAST: Final = 0.01
-"""Metres by which end points scatter at least about a map made of cells."""
-
-FAR: Final = 10.0
-"""Metres: for sensors of a longer range, the lengths of scan matching grow in proportion."""
-
+LEAST: Final = 0.01  # Metres by which end points scatter at least about a map made of cells.
+FAR: Final = 10.0  # Metres: for sensors of a longer range, the lengths of scan matching grow in proportion.
+# Share of the distance between nodes that counts as driven at least: before, hardly anything has been stated.
 SHORTEST: Final = 0.1
-"""Share of the distance between nodes that counts as driven at least: before, hardly anything has been stated."""
-
+# Metres and radians: odometry that states a smaller error over ten metres is taken as exact; no match is as good.
 TRUSTED: Final = 0.002, 0.001
-"""Metres and radians: odometry that states a smaller error over ten metres is taken as exact; no match is as good."""
-
-STRANGE: Final = 3
-"""Scans in a row that do not fit the map, after which the robot is lost."""
-
-GAP: Final = 0.1
-"""Metres between end points of one surface from which on they would count as shapes of their own."""
-
+GAP: Final = 0.1  # Metres between end points of one surface from which on they would count as shapes of their own.
+# Scans after which odometry that is taken as exact is checked again, by those of one and two such times ago.
 CHECK: Final = 10
-"""Scans after which odometry that is taken as exact is checked again, by those of one and two such times ago."""
-
+# Metres and radians: a scan that fits better farther than that from where odometry has it says that it errs.
 EXACT: Final = 0.05, 0.03
-"""Metres and radians: a scan that fits better farther than that from where odometry has it says that it errs."""
-
-ALIKE: Final = 0.9
-"""Share of the best place's fit from which on another place fits as well."""
-
+ALIKE: Final = 0.9  # Share of the best place's fit from which on another place fits as well.
+# Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth; and
+# that of the ranges by which it was measured, metres.
 MATCHED, MATCHED_AT = (0.008, 0.002), 0.01
-"""Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth; and
-that of the ranges by which it was measured, metres."""
-
+# Metres and radians by which wheels stray to the side in a period of a tenth of a second, slipping now and then.
 STRAYED: Final = 0.01, 0.004
-"""Metres and radians by which wheels stray to the side in a period of a tenth of a second, slipping now and then."""
-
-PLACES: Final = 20
-"""Narrow places that a run leads through, over which the risk is spread."""
-
-POINTS: Final = 200
-"""End points of a scan, at most, by which odometry is checked."""
-
-MOVED: Final = 0.5
-"""Cells by which a closed loop must have moved some pose for the map to be drawn anew."""
+PLACES: Final = 20  # Narrow places that a run leads through, over which the risk is spread.
+POINTS: Final = 200  # End points of a scan, at most, by which odometry is checked.
+MOVED: Final = 0.5  # Cells by which a closed loop must have moved some pose for the map to be drawn anew.
 
 
 def apart(poses: FloatArray) -> NDArray[np.bool_]:
@@ -116,8 +88,8 @@ def graph_settings(sensor: Scanner, errors: FloatArray, driven: float, exact: bo
     return replace(s, odometry=grown, odometry_floor=floor)
 
 
-class ScanMapper:
-    """A :class:`trailmark.exploration.mapper.Mapper` for a laser.
+class ScanMapper(Mapper):
+    """A mapper for a laser.
 
     Odometry is taken as exact as long as it states so and scans do not contradict it. Else scans are matched, and loops
     closed (:class:`trailmark.estimation.laser_slam.ScanSlam`).
@@ -133,17 +105,14 @@ class ScanMapper:
     def __init__(
         self, start: FloatArray, known: KnownMap, sensor: Scanner, robot: Robot, settings: ExplorationSettings
     ) -> None:
-        self.known, self.records = known, list[Record]()
-        known.noise = sensor.sigma
-        self._start, self._sensor = np.asarray(start, dtype=np.float64), sensor
-        self._robot, self._settings = robot, settings
-        self._checks, self._reckoning = RecordChecks(Scan, sensor.max_range), DeadReckoning(self._start)
+        super().__init__(start, known, robot, settings, Scan, sensor.max_range)
+        known.noise, self._sensor, self._reckoning = sensor.sigma, sensor, DeadReckoning(self._start)
         self._slam: ScanSlam | None = None  # None as long as odometry is taken as exact
         self._scans = list[tuple[Scan, FloatArray]]()  # with their poses by odometry
         self._drawn = list[FloatArray]()  # where they were when the map was drawn
         self._errors, self._driven = np.zeros(2), 0.0
         self._at = self._pose = self._start  # by odometry, at the last scan; and where that was
-        self._strange, self._left_out, self._moved = 0, list[Scan](), False
+        self._left_out, self._moved = list[Scan](), False
 
     @property
     def pose(self) -> FloatArray:
@@ -176,19 +145,17 @@ class ScanMapper:
         period, each with what its heading's error comes to at the robot's farthest point, over :data:`PLACES` narrow
         places. The error of ranges themselves is in the map: cells in which a fourth of the beams ends are occupied.
         """
-        if self._settings.confidence is None:
+        if self._confidence is None:
             return 0.0
         times = max(1.0, self._sensor.sigma / MATCHED_AT)
         place, heading = np.hypot(times * np.array(MATCHED), STRAYED)
         sigma = np.hypot(place, heading * self._robot.sweep_radius)
-        return float(np.sqrt(chi_square_quantile(1.0 - (1.0 - self._settings.confidence) / PLACES, 1)) * sigma)
+        return float(np.sqrt(chi_square_quantile(1.0 - (1.0 - self._confidence) / PLACES, 1)) * sigma)
 
     def take(self, records: Sequence[Record]) -> Belief:
         """Take in what was sensed, and bring pose and map up to date."""
         readings, refused, self._moved = 0, list[str](), False
-        for record in self._checks.usable(records, refused):
-            if not self.records:
-                self.records.append(Pose(record.t, *self._start.tolist()))
+        for record in self._usable(records, refused):
             self._reckoning.add(record)
             if not isinstance(record, Scan):
                 self.records.append(record)
@@ -201,27 +168,23 @@ class ScanMapper:
                 refused.append(
                     f"scan at {record.t:.3f} s left out: expected what the map shows here, got another place"
                 )
-        lost = self._strange >= STRANGE
-        return Belief(self.pose, self.covariance, readings, tuple(refused), lost, self._moved)
+        return self._belief(readings, refused, self._moved)
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
         if not self._left_out:
             return False
-        scan, slam = self._left_out[-1], self._match_from_now_on()
+        scan, slam = self._left_out.pop(), self._match_from_now_on()
         pose = self._place_of(scan, slam.candidates(scan))
         if pose is None:
             return False
-        # What no odometry has told: the log has it as a motion, so that it leads to the same map.
-        motion = between(self.pose, pose)
-        carried = Increment(scan.t, float(motion[0]), float(motion[1]), float(motion[2]), CARRIED)
+        carried = self._carry(scan.t, pose, CARRIED)
         self._reckoning.add(carried)
         self.records += [carried, scan]
         slam.place(scan, pose, self._reckoning.pose)
         self._scans.append((scan, self._reckoning.pose))
         self._at, self._pose = self._reckoning.pose, slam.pose
         self._drawn.append(self._pose)
-        self._strange, self._left_out = 0, []
         self.known.add_scan(scan, self._pose, self._sensor.max_range)
         return True
 
@@ -242,10 +205,6 @@ class ScanMapper:
             elif record.t in poses:
                 records.append(record._replace(pose=poses[record.t]))
         return log._replace(records=tuple(records))
-
-    def finished_map(self, log: Log) -> World:
-        """Return the world that ``trailmark map`` makes of the log: obstacles with covariances."""
-        return map_log(log, robot=self._robot).world
 
     def _count_errors(self, record: Increment | Odometry) -> None:
         """Take note of how sure the odometry says it is."""

@@ -15,37 +15,26 @@ from trailmark.arguments import Count, NonNegative, Positive, PositiveOrInfinite
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.models import PoseIncrement, RangeBearing
-from trailmark.estimation.records import Detection, Increment, Record
+from trailmark.estimation.records import Increment, Record
 from trailmark.estimation.simulation import Drive
 from trailmark.estimation.virtual_sensors import Detector, RayCaster, Scanner
-from trailmark.se2 import FloatArray, compose, configurations, interpolate, wrap
+from trailmark.se2 import FloatArray, between, compose, configurations, interpolate, motion_bound
 from trailmark.world import World
 from trailmark.world.robot import Robot
 
 __all__ = ["DriveReport", "ExploringRobot", "SimulatedRobot", "disc_detector", "laser_scanner"]
 
 
+# 2 cm and 0.01 rad after a metre, 0.02 rad after a radian, growing as the root of what is driven: a wheeled robot
+# indoors. What each record adds (0.2 mm, 0.2 mrad) keeps the covariance of a turn on the spot regular.
 ODOMETRY: Final = PoseIncrement(2e-4, 2e-4, 2e-4, growth=(4e-4, 1e-4, 4e-4))
-"""2 cm and 0.01 rad after a metre, 0.02 rad after a radian, growing as the root of what is driven: a wheeled robot
-indoors. What each record adds (0.2 mm, 0.2 mrad) keeps the covariance of a turn on the spot regular."""
-
-PERIOD = 0.1
-"""Seconds between records of odometry, at most."""
-
-INSTANT = 1e-9
-"""Seconds: what is closer together is simultaneous."""
-
-LEAST_STATED = 0.01
-"""Share of the noise that records state when there is less: filters cannot use a covariance of 0."""
-
-EXACT = 1e-9
-"""Share of the noise that sensors have when there is none: a detector's model has no deviation of 0."""
-
-STOP = 1e-3
-"""Metres before a contact at which a robot comes to a stop, at most."""
-
+PERIOD = 0.1  # Seconds between records of odometry, at most.
+INSTANT = 1e-9  # Seconds: what is closer together is simultaneous.
+LEAST_STATED = 0.01  # Share of the noise that records state when there is less: filters cannot use a covariance of 0.
+EXACT = 1e-9  # Share of the noise that sensors have when there is none: a detector's model has no deviation of 0.
+STOP = 1e-3  # Metres before a contact at which a robot comes to a stop, at most.
+# Share of the inscribed radius that a robot has to be away from what it met for the next contact to count.
 APART = 0.05
-"""Share of the inscribed radius that a robot has to be away from what it met for the next contact to count."""
 
 
 class DriveReport(NamedTuple):
@@ -162,12 +151,6 @@ class SimulatedRobot:
         """Where it was, shape (n, 4), rows t, x, y, theta."""
         return np.array(self._truth)
 
-    @property
-    def distance(self) -> float:
-        """Metres that it truly drove."""
-        dt, dx, dy, _ = np.diff(self.truth, axis=0).T
-        return float(np.hypot(dx, dy)[dt > 0.0].sum())
-
     def state(self) -> dict[str, Any]:
         """Return all that :meth:`restore` needs, plain numbers, texts, lists and dictionaries, as JSON has them.
 
@@ -242,70 +225,60 @@ class SimulatedRobot:
         path = np.atleast_2d(configurations(states, name="states"))
         if not np.allclose(path[0], 0.0, atol=1e-9):
             raise ConfigurationError(f"states: expected the first row (0, 0, 0), got {path[0].tolist()}")
-        moves = np.abs(_steps(path))
+        moves = np.abs(between(path[:-1], path[1:]))
         durations = np.maximum(np.hypot(moves[:, 0], moves[:, 1]) / self._speed, moves[:, 2] / self._turn_rate)
         whole = float(durations.sum())
+        if whole == 0.0 and not math.isfinite(seconds):
+            raise ConfigurationError(f"seconds: expected a finite number to stand still, got {seconds}")
         # A path to a far landmark comes as a whole each time: only what there is time for is looked at.
         soon = 2 + int(np.searchsorted(np.cumsum(durations), seconds))
         drive = Drive(path[:soon], self._speed, self._turn_rate, holonomic=True)
-        if whole == 0.0 and not math.isfinite(seconds):
-            raise ConfigurationError(f"seconds: expected a finite number to stand still, got {seconds}")
         end = min(float(drive.times[-1]), seconds)
         times = np.sort(np.concatenate([np.arange(0.0, end, PERIOD), drive.times[drive.times < end], [end]]))
         times = times[np.append(np.diff(times) > INSTANT, True)]
         planned = drive.poses(times)
-        steps = _steps(planned)
-        true = self._true_poses(steps, np.diff(times))
-        done, share = self._free_part(true)
-        if share is not None:
-            planned[done + 1 :] = interpolate(planned[done], planned[done + 1], share)
-            true[done + 1 :] = interpolate(true[done], true[done + 1], share)
-            times[done + 1 :] = times[done] + share * (times[done + 1] - times[done])
-            last = done + 2 if share > 0.0 else done + 1
-            planned, true, times = planned[:last], true[:last], times[:last]
-            steps = _steps(planned)
-        for t, step, pose in zip((self.time + times[1:]).tolist(), steps, true[1:].tolist(), strict=True):
-            self._record(t, step, pose)
-        self.pose = true[-1]
-        self._count(blocked := share is not None)
-        end = min(seconds, whole) if whole and not blocked else seconds if math.isfinite(seconds) else float(times[-1])
-        if self.time + end > self._truth[-1][0] + INSTANT:
-            self._record(self.time + end, np.zeros(3), self.pose.tolist())
+        steps, begin, distance, share = between(planned[:-1], planned[1:]), self.time, 0.0, 1.0
+        for t, duration, step in zip(times.tolist(), np.diff(times).tolist(), steps, strict=False):
+            there = self._moved(step, duration)
+            share = self._free_share(there)
+            self.pose = interpolate(self.pose, there, share) if share < 1.0 else there
+            if share > 0.0:
+                self._record(begin + t + share * duration, share * step)
+                distance += share * float(np.hypot(*step[:2]))
+            if share < 1.0:
+                break
+        blocked = share < 1.0
+        self._count(blocked)
+        whole_time = min(seconds, whole) if whole and not blocked else seconds
+        if math.isfinite(whole_time) and begin + whole_time > self._truth[-1][0] + INSTANT:
+            self._record(begin + whole_time, np.zeros(3))
         self.time = self._truth[-1][0]
-        return DriveReport(
-            float(np.hypot(steps[:, 0], steps[:, 1]).sum()), not blocked and whole <= seconds + INSTANT, blocked
-        )
+        return DriveReport(distance, not blocked and whole <= seconds + INSTANT, blocked)
 
-    def _true_poses(self, steps: FloatArray, durations: FloatArray) -> FloatArray:
-        """Return where steps, shape (m, 3), lead, shape (m + 1, 3): the robot's pose first."""
-        poses = [self.pose]
-        for step, duration in zip(steps, durations.tolist(), strict=True):
-            w = self._noise * np.sqrt(np.diag(self._odometry.Q(step))) * self._odometry_rng.standard_normal(3)
-            chance, lost = self._slip_rng.random(2)
-            kept = 1.0 - lost if chance < self._slip * duration / PERIOD else 1.0
-            poses.append(compose(poses[-1], kept * step + w))
-        return np.array(poses)
+    def _moved(self, step: FloatArray, duration: float) -> FloatArray:
+        """Return where a step, shape (3,), truly leads from where the robot is."""
+        w = self._noise * np.sqrt(np.diag(self._odometry.Q(step))) * self._odometry_rng.standard_normal(3)
+        chance, lost = self._slip_rng.random(2)
+        kept = 1.0 - lost if chance < self._slip * duration / PERIOD else 1.0
+        return np.asarray(compose(self.pose, kept * step + w))
 
-    def _free_part(self, poses: FloatArray) -> tuple[int, float | None]:
-        """Return how many of the motions between poses are free, and which share of the next is; None if all are."""
-        free = self._checker.motions_valid(poses[:-1], poses[1:])
-        if free.all():
-            return len(free), None
-        first = int(np.argmin(free))
-        a, b, share, width = poses[first], poses[first + 1], 0.0, 1.0
-        reach = float(np.hypot(*(b - a)[:2]) + self.robot.circumradius * abs(wrap(b[2] - a[2])))
-        while width * reach > STOP:
+    def _free_share(self, there: FloatArray) -> float:
+        """Return which share of the motion from where the robot is is free."""
+        if self._checker.motion_valid(self.pose, there):
+            return 1.0
+        share, width = 0.0, 1.0
+        while width * float(motion_bound(self.pose, there, self.robot.circumradius)) > STOP:
             width *= 0.5
-            if self._checker.motion_valid(a, interpolate(a, b, share + width)):
+            if self._checker.motion_valid(self.pose, interpolate(self.pose, there, share + width)):
                 share += width
-        return first, share
+        return share
 
-    def _record(self, t: float, step: FloatArray, pose: list[float]) -> None:
+    def _record(self, t: float, step: FloatArray) -> None:
         """Write down a step of the odometry, shape (3,), with its covariance, and where it truly led."""
         Q = self._odometry.Q(step) * max(self._noise, LEAST_STATED) ** 2 + self._slip / 3.0 * np.outer(step, step)
         dx, dy, dtheta = step.tolist()
         self._increments.append(Increment(t, dx, dy, dtheta, Q))
-        self._truth.append((t, *pose))
+        self._truth.append((t, *self.pose.tolist()))
 
     def _count(self, blocked: bool) -> None:
         """Count a contact, unless the last one has not ended."""
@@ -322,7 +295,7 @@ class SimulatedRobot:
             return [self._drawn.sweep(self.time, self.pose, self._caster, self._sensor_rng)]
         found = self._drawn.sweep(self.time, self.pose, self._features, self._caster, self._sensor_rng)
         factor = max(self._noise, LEAST_STATED) ** 2 / max(self._noise, EXACT) ** 2
-        return [_stated(detection, factor) for detection in found]
+        return [d if d.covariance is None else d._replace(covariance=factor * d.covariance) for d in found]
 
 
 def _scaled(sensor: Scanner | Detector, noise: float) -> Scanner | Detector:
@@ -332,14 +305,3 @@ def _scaled(sensor: Scanner | Detector, noise: float) -> Scanner | Detector:
     model = sensor.model
     scaled = replace(model, sigma_range=noise * model.sigma_range, sigma_bearing=noise * model.sigma_bearing)
     return replace(sensor, model=scaled)
-
-
-def _stated(detection: Detection, factor: float) -> Detection:
-    return detection if detection.covariance is None else detection._replace(covariance=factor * detection.covariance)
-
-
-def _steps(poses: FloatArray) -> FloatArray:
-    """Return the motions from each pose to the next, shape (n - 1, 3), in the frame of the first of the two."""
-    dx, dy, dtheta = np.diff(poses, axis=0).T
-    cos, sin = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])
-    return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, np.asarray(wrap(dtheta))])

@@ -28,15 +28,12 @@ __all__ = [
 ]
 
 
+# Metres: in place of the cost of a way that was not found; finite, so that tours with such ways can be compared.
 FAR = 1e6
-"""Metres: in place of the cost of a way that was not found; finite, so that tours with such ways can be compared."""
-
+# Share of the way from the last landmark back to where the robot is that counts in the tour's cost, where there is no
+# home: new frontiers appear before the tour ends, and what was left behind has to be come back for from there.
 RETURN = 0.3
-"""Share of the way from the last landmark back to where the robot is that counts in the tour's cost, where there is no
-home: new frontiers appear before the tour ends, and what was left behind has to be come back for from there."""
-
-ROUNDS = 10
-"""Of improvements at most; each of them makes the tour shorter."""
+ROUNDS = 10  # Of improvements at most; each of them makes the tour shorter.
 
 
 def tour(outlook: Outlook) -> int:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
-from trailmark.exploration.result import History
+from trailmark.exploration.result import landmarks_of
 from trailmark.plotting.animation import gif_of, write_gif
 from trailmark.plotting.canvas import (
     annotate,
@@ -74,11 +74,11 @@ def save_exploration_figure(file: str | FilePath, result: ExplorationResult) -> 
 def draw_exploration(axes: Axes, result: ExplorationResult) -> None:
     """Draw the cells, the robot's way coloured by time, and its landmarks; sets limits and an equal aspect."""
     set_limits(axes, result.world)
-    history, known = History.of(result.history), result.known
+    history, known, landmarks = result.history, result.known, landmarks_of(result.history)
     show_image(axes, picture_of_cells(known.state), known.origin, known.cell, interpolation="nearest", zorder=0.5)
     for face, edge, label in ((OBSTACLE, OBSTACLE, "occupied"), ("white", MARGIN, "free"), (MARGIN, MARGIN, "unknown")):
         axes.plot([], [], "s", ms=8.0, color=face, mec=edge, zorder=0.5, label=label)
-    way, time = history.figures[:, 5:7], history.figures[:, 0]
+    way, time = np.array([row.pose[:2] for row in history]), np.array([row.time for row in history])
     pieces = LineCollection(list(np.stack([way[:-1], way[1:]], axis=1)), array=time[:-1], cmap=TIME_COLOURS)
     pieces.set(linewidths=1.6, zorder=4.0, capstyle="round")
     pieces.set_clim(time[0], max(time[-1], time[0] + 1e-9))
@@ -87,11 +87,10 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> None:
     axes.figure.colorbar(pieces, cax=bar).outline.set_visible(False)
     bar.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
     bar.set_title("time [s]", fontsize=7, color=TEXT, loc="left")
-    landmarks = history.landmarks()
     axes.plot(*landmarks[:, :2].T, zorder=6.0, label="landmarks, in their order", **MARK)
     _number_landmarks(axes, landmarks)
-    draw_end(axes, result.world.robot, history.figures[0, 5:], START, "o", "start")
-    draw_end(axes, result.world.robot, history.figures[-1, 5:], GOAL, "s", "end")
+    draw_end(axes, result.world.robot, history[0].pose, START, "o", "start")
+    draw_end(axes, result.world.robot, history[-1].pose, GOAL, "s", "end")
 
 
 def picture_of_cells(state: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -160,7 +159,8 @@ class _Film:
     """The figure of an animation, of which each frame draws only what moves."""
 
     def __init__(self, result: ExplorationResult) -> None:
-        self.result, self.history, known = result, History.of(result.history), result.known
+        self.result, known = result, result.known
+        self.driven = np.array([row.pose[:2] for row in result.history])
         state, self.first_known, cell = coarse(known.state, result.first_known, known.cell, MAX_CELLS)
         self.cells, self.unknown = picture_of_cells(state), picture_of_cells(np.full_like(state, UNKNOWN))
         figure, axes = figure_of(result.world)
@@ -175,7 +175,7 @@ class _Film:
         (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)))
         (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0)
         (self.marks,) = axes.plot([], [], **MARK)
-        self.landmarks = self.history.landmarks()
+        self.landmarks = landmarks_of(result.history)
         self.body = PolyCollection([], facecolors=PATH, edgecolors="white")
         axes.add_collection(self.body, autolim=False)
         self.note = draw_note(axes, "", 8)
@@ -186,7 +186,7 @@ class _Film:
         nothing = np.empty((2, 0))
         known = self.first_known <= np.float32(row.time)
         self.image.set_data(np.where(known[..., None], self.cells, self.unknown))
-        self.way.set_data(*self.history.figures[: i + 1, 5:7].T)
+        self.way.set_data(*self.driven[: i + 1].T)
         self.path.set_data(*(nothing if row.path is None else row.path[:, :2].T))
         self.target.set_data(*(nothing if row.target is None else row.target[:2, None]))
         self.marks.set_data(*self.landmarks[: row.landmarks, :2].T)
