@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.oracles import Oracle, motion_states
 
 from trailmark.formats.any_path import read_any_path
 from trailmark.world import World
