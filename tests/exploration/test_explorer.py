@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import shapely
 from tests.helpers.explore_oracle import overlaps, seen_share, truth_of
-from tests.support import exploration_faults as faults
 from tests.helpers.trials import trials
+from tests.support import exploration_faults as faults
 
 from trailmark import ConfigurationError, LandmarkPlanner, Rectangle, Robot, World
 from trailmark.estimation.records import Record

@@ -38,7 +38,9 @@ def check(
     path: Annotated[
         Path,
         argument(
-            "PATH", "Path to check: JSON, CSV, rows 'x y theta', or nav_msgs/Path as YAML or JSON.", options.InputFile()
+            "PATH",
+            "Path to check: JSON, CSV, rows 'x y theta', TUM's rows, or nav_msgs/Path as YAML or JSON; x, y alone for a disc.",
+            options.InputFile(),
         ),
     ],
     robot: options.RobotOption = None,
@@ -53,6 +55,9 @@ def check(
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
+    clearance: options.ClearanceOption = None,
+    unknown: options.UnknownOption = None,
+    keepout: options.KeepoutOption = None,
 ) -> None:
     """Check a path of any planner for collisions, clearance and drivability.
 
@@ -64,17 +69,21 @@ def check(
 
     with console.progress("loading") as progress:
         given = options.RobotOptions(robot, turning_radius, forward_only, drive)
-        loaded, body = given.load(world, (plot, repair), [path])
+        inputs = [path] if keepout is None else [path, keepout]
+        loaded, body = given.load(world, (plot, repair), inputs, keepout, unknown)
         found = read_any_path(path)
         if found.headings > 2.0 * math.pi:
             console.warn(f"{path}: headings of up to {found.headings:g} are taken as radians; are they in degrees?")
 
         from trailmark.collision import StateChecker
         from trailmark.errors import ConfigurationError, FormatError
+        from trailmark.shapes import Disc
         from trailmark.verify import PathAuditor
 
         progress.stage("checking (compiles on first use)")
-        auditor = PathAuditor(StateChecker(loaded, body))
+        if found.positions_only and not isinstance(body.footprint, Disc):
+            raise FormatError(path, f"expected headings, for the robot ({body.describe()}) is no disc; got x, y alone")
+        auditor = PathAuditor(StateChecker(loaded, body, clearance=clearance))
         recorded = recorded_path(found, path)
         try:
             audit = auditor.audit(recorded)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -191,6 +192,14 @@ def _robot(text: str) -> RobotSpec:
     return RobotSpec(Robot.load(file), (file,)) if is_file else RobotSpec(Robot.parse(text))
 
 
+def _unknown(text: str) -> str | float:
+    if text in ("blocked", "free"):
+        return text
+    factor = float(text)
+    _held(0.1 <= factor <= 1e6)
+    return factor
+
+
 def _frame(text: str) -> str:
     _held(bool(text) and all(c.isprintable() and not c.isspace() for c in text))
     return text
@@ -212,10 +221,11 @@ GOAL = Kind("X,Y[,T]", "X,Y or X,Y,T, finite numbers (metres, radians, or degree
 TOLERANCE = Kind("METRES[,RADIANS]", "METRES or METRES,RADIANS, numbers of 0 or more (degrees as in 10deg)", _tolerance)
 LIMITS = Kind("V[,A[,W[,ALPHA]]]", "up to four numbers from 1e-06 to 1e+06 (m/s, m/s², rad/s, rad/s²)", _limits)
 DRIVE = Choice("omnidirectional", "differential", "car")
+UNKNOWN = Kind("blocked|free|FACTOR", "blocked, free, or a factor from 0.1 to 1e6", _unknown)
 FRAME = Kind("NAME", "a name without blanks, such as map", _frame)
 PICTURE = OutputFile(".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
 PATH_FILE = OutputFile(".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2.json", ".geojson")
-SETTINGS, MASK = InputFile("FILE.yaml"), InputFile("MASK.yaml")
+SETTINGS, ZONES = InputFile("FILE.yaml"), InputFile()
 
 
 def option(kind: Kind, help: str, *names: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name
@@ -262,6 +272,22 @@ TurningRadiusOption = Annotated[
 ForwardOnlyOption = Annotated[
     bool, flag("--forward-only", "Never drive in reverse (car or differential drive).", "Robot")
 ]
+ClearanceOption = Annotated[
+    float | None,
+    option(CLEARANCE, "Minimum clearance to obstacles and bounds along the whole path.", group="Robot"),
+]
+UnknownOption = Annotated[
+    Any,
+    option(
+        UNKNOWN,
+        "Unknown cells of a nav2 map: blocked (default), free, or the factor by which a metre in them costs more.",
+        group="World",
+    ),
+]
+KeepoutOption = Annotated[
+    Path | None,
+    option(ZONES, "Keep-out zones: polygons as GeoJSON or WKT, or a nav2 mask (.yaml) of the map.", group="World"),
+]
 PlotOption = Annotated[Path | None, option(PICTURE, "Write a picture: .png, .svg or .pdf.")]
 JsonOption = Annotated[bool, flag("--json", "Print the result as one JSON object on stdout.")]
 
@@ -280,14 +306,15 @@ class RobotOptions(NamedTuple):
         outputs: Iterable[Path | None] = (),
         inputs: Iterable[Path] = (),
         keepout: Path | None = None,
+        unknown: Any = None,
     ) -> tuple[World, Robot]:
-        """Return a world by file or name, with the zones of a keep-out mask, and the robot: its own if none was given.
+        """Return a world by file or name, with the keep-out zones of a file, and the robot: its own if none was given.
 
         Raises:
             TrailmarkError: an output would replace the world, the robot or another of the inputs.
         """
-        world = load_world(text)
-        world = world if keepout is None else world.with_mask(keepout, "keep-out")
+        world = load_world(text, unknown)
+        world = world if keepout is None else world.with_zones(keepout)
         protect_inputs((*world.sources, *(self.spec.files if self.spec else ()), *inputs), *outputs)
         robot = self.steered(robot_of(world, self.spec))
         return grown_for(world, robot), robot
@@ -318,11 +345,20 @@ def robot_of(world: World, given: RobotSpec | None) -> Robot:
     return robot
 
 
-def load_world(text: str) -> World:
-    """Return the world of a file, or the shipped world of a name."""
+def load_world(text: str, unknown: Any = None) -> World:
+    """Return the world of a file, or the shipped world of a name; ``unknown`` says what unknown cells are."""
     from trailmark.world import World
 
-    return World.load(text)
+    return World.load(text, unknown)
+
+
+def is_nav2_map(text: str) -> bool:
+    """Return whether a world is a file that names an image, as nav2's maps do."""
+    file = Path(text)
+    if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
+        return False
+    with file.open("rb") as opened:
+        return re.search(rb"^image\s*:", opened.read(2**16), re.MULTILINE) is not None
 
 
 def grown_for(world: World, robot: Robot) -> World:

@@ -18,13 +18,16 @@ from trailmark.cli import console, options, plan_files
 from trailmark.cli.options import Pose, Position, SpeedLimits, Tolerance, UsageError, flag, option
 
 if TYPE_CHECKING:
-    from trailmark.planning import PlannerSettings, PlanProgress, PlanResult
+    from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanProgress, PlanResult
     from trailmark.world import World
     from trailmark.world.goals import Goal
 
 __all__ = ["plan"]
 
 EXIT_STATUS = {"solved": 0, "timeout": 3, "infeasible": 4}
+CLOSE, CLOSE_SHARE = 0.01, 0.02
+"""Metres, and share of the footprint, nearer than which a path that no clearance was asked for is told of."""
+
 PLAN_SETTINGS = {"gap": options.FACTOR, "max_iterations": options.Count(low=1), "frame_id": options.FRAME}
 """What a settings file may say of one plan, beside the planner's settings."""
 
@@ -37,6 +40,10 @@ def plan(
     goal: Annotated[
         list[Any] | None,
         option(options.GOAL, "Goal pose, or position with any heading. Repeat it for alternatives: one is reached."),
+    ] = None,
+    via: Annotated[
+        list[Any] | None,
+        option(options.GOAL, "Via point, passed on the way; repeat it for several, in their order.", group="Query"),
     ] = None,
     time_limit: options.TimeLimitOption = 1.0,
     output: Annotated[
@@ -54,9 +61,31 @@ def plan(
     goal_tolerance: Annotated[
         Tolerance | None, option(options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query")
     ] = None,
-    keepout: Annotated[
+    bidirectional: Annotated[
+        bool, flag("--bidirectional", "Reach the goal headed as given, or the opposite way.", "Query")
+    ] = False,
+    escape: Annotated[
+        bool,
+        flag("--escape", "Lead a robot that starts in an obstacle out of it first, never deeper into it.", "Query"),
+    ] = False,
+    route_graph: Annotated[
         Path | None,
-        option(options.MASK, "nav2 keep-out mask of the map; occupied cells become keep-out zones.", group="Query"),
+        option(
+            options.InputFile("FILE.geojson"),
+            "Plan on a route graph drawn by hand (nav2's), over its edges along which the robot is free.",
+            group="Query",
+        ),
+    ] = None,
+    keepout: options.KeepoutOption = None,
+    unknown: options.UnknownOption = None,
+    nav2_params: Annotated[
+        Path | None,
+        option(
+            options.SETTINGS,
+            "nav2's parameter file: takes footprint, padding, drive, allow_unknown and tolerance from it, unless other "
+            "options say otherwise.",
+            group="Robot",
+        ),
     ] = None,
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
@@ -80,10 +109,7 @@ def plan(
             group="Objective",
         ),
     ] = None,
-    clearance: Annotated[
-        float | None,
-        option(options.CLEARANCE, "Minimum clearance to obstacles and bounds along the whole path.", group="Objective"),
-    ] = None,
+    clearance: options.ClearanceOption = None,
     relax: Annotated[
         bool, flag("--relax", "If no path keeps --clearance, plan with the largest feasible one.", "Objective")
     ] = False,
@@ -99,7 +125,12 @@ def plan(
     ] = None,
     smooth: Annotated[
         bool,
-        flag("--smooth", "Round the path's corners where a certified curve fits; the robot stops at others.", "Output"),
+        typer.Option(
+            "--round-corners",
+            "--smooth",
+            help="Round the path's corners where a certified curve fits; the robot stops at others.",
+            rich_help_panel="Output",
+        ),
     ] = False,
     step: Annotated[
         float | None, option(options.METRES, "Maximum spacing of waypoints in the written path.", group="Output")
@@ -110,6 +141,8 @@ def plan(
             options.OutputFile(".csv", ".yaml", ".yml", ".nav2.json"),
             "Write the time-optimal trajectory along the path: .csv (time, pose, velocity), or nav_msgs/Trajectory "
             "(.yaml, .nav2.json).",
+            "--timed",
+            "--trajectory",
             group="Output",
         ),
     ] = None,
@@ -130,17 +163,30 @@ def plan(
     if step is not None and output is None:
         raise UsageError(f"--step {step:g} given without a path to write; expected --output too")
     if limits is not None and trajectory is animate is None and objective in (None, "length"):
-        raise UsageError("--limits given without a use; expected --trajectory, --animate or --objective time too")
+        raise UsageError("--limits given without a use; expected --timed, --animate or --objective time too")
+    if route_graph is not None and (via or escape or bidirectional or (clearance is not None and relax)):
+        raise UsageError("--route-graph given with --via, --escape, --bidirectional or --relax; expected it alone")
     speeds, stopped = limits or SpeedLimits(), Event()
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
-        given = options.RobotOptions(robot, turning_radius, forward_only, drive)
-        loaded, body = given.load(world, (output, plot, trajectory, animate), [settings] if settings else [], keepout)
-        name, a, b = _ends(loaded, query, start, goal or [], goal_tolerance)
+        given, taken = options.RobotOptions(robot, turning_radius, forward_only, drive), list[str]()
+        if nav2_params is not None:
+            from trailmark.world.nav2 import Nav2Parameters
+
+            found = Nav2Parameters.load(nav2_params)
+            given = given._replace(spec=robot or options.RobotSpec(found.robot.keeping(0.0), (nav2_params,)))
+            clearance = found.robot.clearance or None if clearance is None else clearance
+            unknown = found.unknown if unknown is None and options.is_nav2_map(world) else unknown
+            if goal_tolerance is None and found.tolerance > 0.0:
+                goal_tolerance = Tolerance(found.tolerance)
+            taken.extend(found.taken)
+        inputs = [file for file in (settings, route_graph, keepout) if file is not None]
+        loaded, body = given.load(world, (output, plot, trajectory, animate), inputs, keepout, unknown)
+        name, a, b = _ends(loaded, query, start, goal or [], goal_tolerance, bidirectional)
         loading = time.perf_counter() - begun
 
-        from trailmark import LandmarkPlanner
+        from trailmark import Goal, LandmarkPlanner
         from trailmark.world.objective import Objective
 
         chosen, asked = _read_settings(settings)
@@ -164,10 +210,20 @@ def plan(
         progress.stage("planning", time_limit)
         frame = asked.pop("frame_id", "map")
         with _stopping(stopped):
-            result = planner.plan(a, b, time_limit=time_limit, on_progress=follow, stop=stopped.is_set, **asked)
+            if route_graph is not None:
+                result = _planned_on_route(planner, route_graph, a, b, time_limit)
+            else:
+                asked |= {"on_progress": follow, "stop": stopped.is_set, "escape": escape}
+                places = [each if isinstance(each, Pose) else Goal(each) for each in via or ()]
+                result = (
+                    planner.plan_through(a, [*places, b], time_limit, **asked)
+                    if places
+                    else planner.plan(a, b, time_limit, **asked)
+                )
         result, extras = plan_files.smoothed(result, loaded, body) if smooth else (result, {})
         record = result.to_dict(world=loaded.name, query=name) | extras
         record["settings"] = chosen.to_dict()
+        record |= {"nav2_params": taken} if taken else {}
         record["time"]["load"] = loading
         record["time"]["total"] += loading
         progress.stage("writing")
@@ -191,9 +247,28 @@ def plan(
         console.say(console.json_text(record))
     else:
         _print_summary(record, result, [trajectory, animate, output, plot])
+    if result.path is not None and not result.escape and clearance is None:
+        near, enough = result.min_clearance or 0.0, max(CLOSE, CLOSE_SHARE * 2.0 * body.circumradius)
+        if near < enough:
+            console.tell(
+                f"the path comes within {near:.2g} m of an obstacle; --clearance {2.0 * enough:.2g} keeps away"
+            )
     if stopped.is_set():
         raise KeyboardInterrupt
     raise typer.Exit(EXIT_STATUS[result.status])
+
+
+def _planned_on_route(planner: LandmarkPlanner, file: Path, start: Any, goal: Any, time_limit: float) -> PlanResult:
+    """Return the cheapest path over a route graph, and tell along which of its edges the robot collides."""
+    from trailmark.roadmap import read_route_graph
+    from trailmark.world.goals import Goal
+
+    if isinstance(goal[0], Goal):
+        raise UsageError("--route-graph: expected a goal X,Y,T without tolerance, got another")
+    result = planner.plan_on_route(read_route_graph(file), start, goal, time_limit)
+    if result.colliding:
+        console.tell(f"{file}: the robot collides along the edges {', '.join(map(str, result.colliding))}")
+    return result
 
 
 Ends = tuple[str | None, tuple[float, float, float], "tuple[float, float, float] | tuple[Goal, ...]"]
@@ -201,10 +276,24 @@ Ends = tuple[str | None, tuple[float, float, float], "tuple[float, float, float]
 
 
 def _ends(
-    world: World, query: str | None, start: Pose | None, goals: Sequence[Pose | Position], tolerance: Tolerance | None
+    world: World,
+    query: str | None,
+    start: Pose | None,
+    goals: Sequence[Pose | Position],
+    tolerance: Tolerance | None,
+    bidirectional: bool,
 ) -> Ends:
     """Return the ends that the options give, else those of the world's query."""
     from trailmark.world.goals import Goal
+
+    if bidirectional:
+        name, a, b = _ends(world, query, start, goals, tolerance, False)
+        found = b if isinstance(b[0], Goal) else (Goal(b),)
+        options_of = (
+            {"position_tolerance": g.position_tolerance, "heading_tolerance": g.heading_tolerance} for g in found
+        )
+        both = [Goal.bidirectional(g.pose, **more) for g, more in zip(found, options_of, strict=True)]
+        return name, a, tuple(goal for pair in both for goal in pair)
 
     if (start is None) != (not goals):
         given, missing = ("--start", "--goal") if not goals else ("--goal", "--start")
@@ -258,6 +347,8 @@ def _stopping(asked: Event) -> Iterator[None]:
 
 def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Path | None]) -> None:
     kept = result.clearance
+    if result.legs:
+        costs = ", ".join("none" if leg.cost is None else f"{leg.cost:.4f}" for leg in result.legs)
     title = record["world"] if record["query"] is None else f"{record['world']} · {record['query']}"
     verdict, colour = {
         "solved": ("path found", "green"),
@@ -268,6 +359,10 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
     seconds = record["time"]
     facts = [
         *([] if result.path is None else _path_facts(record, result)),
+        *([("legs", costs)] if result.legs else []),
+        *([("escape", f"{result.escape} motions lead out first")] if result.escape else []),
+        *([("route", " - ".join(map(str, record["route"]["nodes"])))] if "route" in record and result.path else []),
+        *([("nav2", text) for text in record.get("nav2_params", ())]),
         ("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges"),
         ("time", f"{seconds['total']:.3f} s (load {seconds['load']:.3f}, build {seconds['build']:.3f})"),
         ("seed", str(record["seed"])),

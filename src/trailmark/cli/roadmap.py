@@ -31,6 +31,9 @@ def roadmap(
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
+    clearance: options.ClearanceOption = None,
+    unknown: options.UnknownOption = None,
+    keepout: options.KeepoutOption = None,
 ) -> None:
     """Write a roadmap of landmarks and certified motions over all free space.
 
@@ -38,12 +41,13 @@ def roadmap(
     """
     begun = perf_counter()
     with console.progress("loading") as progress:
-        loaded, body = options.RobotOptions(robot, turning_radius, forward_only, drive).load(world, [output])
+        given = options.RobotOptions(robot, turning_radius, forward_only, drive)
+        loaded, body = given.load(world, [output], [keepout] if keepout else [], keepout, unknown)
 
         from trailmark import LandmarkPlanner
 
         progress.stage("preparing (compiles on first use)")
-        planner = LandmarkPlanner(loaded, body, seed=seed)
+        planner = LandmarkPlanner(loaded, body, seed=seed, clearance=clearance)
         progress.stage("placing landmarks")
         built = planner.build(count)
         progress.stage("certifying")

@@ -75,10 +75,10 @@ def convert(
     output: Annotated[Path, argument("OUT", "trailmark YAML file to write.", options.OutputFile(".yaml", ".yml"))],
     robot: options.RobotOption = None,
     keepout: Annotated[
-        Path | None, option(options.MASK, "nav2 keep-out mask; occupied cells become keep-out zones.")
+        Path | None, option(options.ZONES, "Keep-out zones: polygons as GeoJSON or WKT, or a nav2 mask (.yaml).")
     ] = None,
     speed_mask: Annotated[
-        Path | None, option(options.MASK, "nav2 speed mask; cells become speed limits, percentages of --max-speed.")
+        Path | None, option(options.ZONES, "nav2 speed mask; cells become speed limits, percentages of --max-speed.")
     ] = None,
     max_speed: Annotated[float, option(options.SPEED, "What the percentages are of.")] = 1.0,
 ) -> None:

@@ -19,6 +19,8 @@ from trailmark.se2 import FloatArray, configurations
 __all__ = ["PathFile", "read_any_path"]
 
 _HEADINGS = ("theta", "yaw", "heading")
+_TIMES = ("t", "time", "stamp", "timestamp")
+_QUATERNION = ("qx", "qy", "qz", "qw")
 _UNIT = re.compile(r"[ \t]*[\[(](?:m|rad)[\])]")
 _NAME = re.compile(r"\s*[\"']?[\w./-]+(?: ?[\[(][^\[(]*[\])])?[\"']?\s*")
 _DEPTH = 6
@@ -35,6 +37,7 @@ class PathFile(NamedTuple):
     Attributes:
         states: shape (n, 3), n >= 1, metres and radians, headings in (-pi, pi].
         headings: the largest heading as it was written, |theta| in radians: more than a full turn looks like degrees.
+        positions_only: whether it holds no headings (they are 0 here), which is enough for a disc.
         curve: of a car's path that trailmark planned: ``kind``, ``turning_radius``, ``knots`` and ``places``
             (:meth:`trailmark.CurvePath.record`); None without.
     """
@@ -42,6 +45,7 @@ class PathFile(NamedTuple):
     states: FloatArray
     headings: float
     curve: dict[str, Any] | None = None
+    positions_only: bool = False
 
 
 def read_any_path(path: FilePath) -> PathFile:
@@ -51,9 +55,10 @@ def read_any_path(path: FilePath) -> PathFile:
       nav_msgs/Path or Trajectory: ``poses`` or ``points`` with positions and quaternions, also inside other objects.
     - GeoJSON: the first line, with its headings as ``properties.theta``, as trailmark writes it.
     - YAML: the same message, as ``ros2 topic echo`` prints it; of several, set off by ``---``, the last complete one.
-    - CSV: columns x, y and theta (or yaw, or heading) by their header, in which ``[m]`` and ``[rad]`` may follow, as
-      in trajectories that trailmark writes; or three columns without a header.
-    - Rows ``x y theta``, as OMPL's ``printAsMatrix`` writes them.
+    - CSV: columns x, y and theta (or yaw, or heading), or a quaternion qx, qy, qz, qw, or x and y alone, by their
+      header, in which ``[m]`` and ``[rad]`` may follow, as in trajectories that trailmark writes; or columns without a
+      header: three, or two for x and y alone.
+    - Rows ``x y theta``, as OMPL's ``printAsMatrix`` writes them, or of TUM's eight ``t x y z qx qy qz qw``.
     - In both, empty lines and comments (#) are skipped, but for one above the rows that names their columns, such as
       numpy.savetxt's ``# theta,x,y``: it is the header.
 
@@ -75,7 +80,9 @@ def read_any_path(path: FilePath) -> PathFile:
         raise FormatError(path, "expected one or more states, got an empty path")
     try:
         rows = np.array(states, dtype=np.float64)
-        return PathFile(configurations(rows, name="path"), float(np.abs(rows[:, 2]).max()), curve)
+        alone = rows.shape[1:] == (2,)
+        rows = np.column_stack([rows, np.zeros(len(rows))]) if alone else rows
+        return PathFile(configurations(rows[:, :3], name="path"), float(np.abs(rows[:, 2]).max()), curve, alone)
     except (ConfigurationError, ValueError, OverflowError) as error:
         raise FormatError(path, str(error)) from None
 
@@ -105,9 +112,10 @@ def _parse_json(text: str, path: FilePath) -> Any:
 
 
 def _state_rows(states: list[Any], path: FilePath) -> list[list[float]]:
-    """Return a list of states as it is if each is three numbers."""
+    """Return a list of states as it is if each is three numbers, or each two: x and y alone."""
+    count = 2 if all(isinstance(row, list) and len(row) == 2 for row in states) else 3
     for i, row in enumerate(states):
-        if not (isinstance(row, list) and len(row) == 3 and all(type(v) in (int, float) for v in row)):
+        if not (isinstance(row, list) and len(row) == count and all(type(v) in (int, float) for v in row)):
             raise FormatError(path, f"states[{i}]: expected three numbers [x, y, theta], got {str(row)[:60]}")
     return states
 
@@ -137,6 +145,8 @@ def _line(features: list[Any], path: FilePath) -> list[Any]:
         if geometry.get("type") != "LineString":
             continue
         positions, headings = geometry.get("coordinates"), properties.get("theta")
+        if isinstance(positions, list) and headings is None:
+            return [at[:2] if isinstance(at, list) else at for at in positions]
         if not (isinstance(positions, list) and isinstance(headings, list) and len(positions) == len(headings)):
             allowed = "coordinates with as many headings properties.theta"
             raise FormatError(path, f"features[{i}]: expected {allowed}, got {brief(headings)}")
@@ -176,12 +186,16 @@ def _state_of_pose(entry: Any, i: int, path: FilePath) -> list[float]:
     if not all(map(math.isfinite, values)):
         allowed = "finite numbers position {x, y} and orientation {x, y, z, w}"
         raise FormatError(path, f"poses[{i}]: expected {allowed}, got {brief(entry)}")
-    x, y, qx, qy, qz, qw = values
-    if qx == qy == qz == qw == 0.0:
+    if not any(values[2:]):
         raise FormatError(path, f"poses[{i}].orientation: expected a quaternion, got all zeros")
+    return [*values[:2], _heading(*values[2:])]
+
+
+def _heading(*quaternion: float) -> float:
+    """Return the heading of a quaternion x, y, z, w of any length but 0."""
     # Only its direction counts: squares of the largest and smallest numbers are none.
-    qx, qy, qz, qw = (v / max(map(abs, values[2:])) for v in values[2:])
-    return [x, y, math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)]
+    x, y, z, w = (v / max(map(abs, quaternion)) for v in quaternion)
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
@@ -195,6 +209,7 @@ def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
     names = _names(first, separator)
     count, columns = 3, [0, 1, 2]
     if any(map(_is_number, names)):
+        count, columns = {2: (2, [0, 1]), 8: (8, [1, 2, 4, 5, 6, 7])}.get(len(names), (count, columns))
         comments = [(n, line) for n, line in lines if n < number]
         if (commented := _commented_columns(comments, separator, len(names), path)) is not None:
             count, columns = len(names), commented
@@ -207,22 +222,29 @@ def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
     for n, line in rows:
         fields = line.split(separator)
         row = [float(fields[k]) if _is_number(fields[k]) else math.nan for k in columns] if len(fields) == count else []
-        if len(row) != 3 or not all(map(math.isfinite, row)):
-            raise FormatError(path, f"expected {count} columns, x, y, theta finite numbers, got row {brief(line)}", n)
-        states.append(row)
+        what = {2: "x, y", 3: "x, y, theta"}.get(len(columns), "x, y and a quaternion, not all 0,")
+        if not row or not all(map(math.isfinite, row)) or (len(row) == 6 and not any(row[2:])):
+            raise FormatError(path, f"expected {count} columns, {what} finite numbers, got row {brief(line)}", n)
+        states.append([*row[:2], _heading(*row[2:])] if len(row) == 6 else row)
     return states
 
 
 def _names(line: str, separator: str | None) -> list[str]:
     """Return a line's fields as names of columns: without quotes, and without the units that are expected."""
     words = (_UNIT.sub("", line) if separator is None else line).split(separator)
-    return [_UNIT.sub("", word.strip().strip("\"'").lower()) for word in words]
+    names = [_UNIT.sub("", word.strip().strip("\"'").lower()) for word in words]
+    return [{"tx": "x", "ty": "y"}.get(name, name) for name in names]  # as TUM's tools call them
 
 
 def _columns(names: list[str]) -> list[int] | None:
-    """Return which columns are x, y and the heading; None if not all three are named."""
+    """Return which columns are x, y and the heading, or a quaternion, or x and y alone; None if not both are named."""
+    if not {"x", "y"} <= set(names):
+        return None
     heading = next((name for name in _HEADINGS if name in names), None)
-    return [names.index(name) for name in ("x", "y", heading)] if heading and {"x", "y"} <= set(names) else None
+    turned = [heading] if heading else list(_QUATERNION) if set(_QUATERNION) <= set(names) else []
+    if not turned and set(names) - {"x", "y", *_TIMES}:
+        return None  # one of the others may be the heading
+    return [names.index(name) for name in ("x", "y", *turned)]
 
 
 def _commented_columns(
@@ -240,7 +262,7 @@ def _commented_columns(
             names = _names(text, mark)
             if len(names) == count and (columns := _columns(names)) is not None:
                 return columns
-        known = [word for word in re.findall(r"\w+", text.lower()) if word in ("x", "y", *_HEADINGS)]
+        known = [word for word in re.findall(r"\w+", text.lower()) if word in ("x", "y", *_HEADINGS, *_QUATERNION)]
         fields = text.split(separator)
         alike = separator is not None and len(fields) == count and all(map(_NAME.fullmatch, fields))
         # Words of a sentence may name them in the order that rows without a header have.
