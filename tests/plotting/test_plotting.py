@@ -267,8 +267,8 @@ def share(file: FilePath, colour: str) -> float:
 
 @pytest.mark.slow
 def test_what_collides_is_red_and_a_repaired_path_is_drawn(tmp_path: FilePath) -> None:
-    file, paths = tmp_path / "a.png", {"through": [[1, 3, 0], [9, 3, 0]], "turn in place": [[5, 4.3, 0], [5, 4.3, 3.0]]}
-    for states in paths.values():
+    file = tmp_path / "a.png"
+    for states in ([[1, 3, 0], [9, 3, 0]], [[5, 4.3, 0], [5, 4.3, 3.0]]):  # through, and a turn in place
         repaired = Path(np.array([[1, 3, 0], [5, 5, 0], [9, 3, 0.0]]))
         save_audit_figure(file, WORLD_AUDIT, ROBOT, check_path(WORLD_AUDIT, ROBOT, states), repaired)
         assert share(file, COLLISION) > 0.0005
