@@ -39,7 +39,8 @@ def check(
         Path,
         argument(
             "PATH",
-            "Path to check: JSON, CSV, rows 'x y theta', TUM's rows, or nav_msgs/Path as YAML or JSON; x, y alone for a disc.",
+            "Path to check: JSON, CSV, rows 'x y theta', TUM's rows, or nav_msgs/Path as YAML or JSON; a disc's may be "
+            "x, y alone.",
             options.InputFile(),
         ),
     ],

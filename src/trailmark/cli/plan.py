@@ -66,7 +66,7 @@ def plan(
     ] = False,
     escape: Annotated[
         bool,
-        flag("--escape", "Lead a robot that starts in an obstacle out of it first, never deeper into it.", "Query"),
+        flag("--escape", "Lead a robot that starts in an obstacle out of it first, never deeper.", "Query"),
     ] = False,
     route_graph: Annotated[
         Path | None,

@@ -95,11 +95,18 @@ class Goal:
         Raises:
             ConfigurationError: as the goal itself; or the pose has no heading.
         """
-        one = cls(pose, **options)  # type: ignore[arg-type]  # arrays, too
-        if one.pose is None or len(one.pose) != 3:
-            raise ConfigurationError(f"goal: expected a pose x, y, theta with a heading, got {brief(pose)}")
-        x, y, theta = one.pose
-        return one, replace(one, pose=(x, y, float(se2.wrap(theta + math.pi))))
+        return cls(pose, **options).either_way()  # type: ignore[arg-type]  # arrays, too
+
+    def either_way(self) -> tuple[Goal, Goal]:
+        """Return the goal, and the same headed the opposite way.
+
+        Raises:
+            ConfigurationError: it has no pose with a heading.
+        """
+        if self.pose is None or len(self.pose) != 3:
+            raise ConfigurationError(f"goal: expected a pose x, y, theta with a heading, got {self}")
+        x, y, theta = self.pose
+        return self, replace(self, pose=(x, y, float(se2.wrap(theta + math.pi))))
 
     def __repr__(self) -> str:
         fields = ", ".join(f"{name}={value}" for name, value in self.to_dict().items())
