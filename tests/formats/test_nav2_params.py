@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from trailmark import FormatError
+from trailmark import Disc, FormatError
 from trailmark.world.nav2 import Nav2Parameters
 
 FILE = """
@@ -37,7 +37,7 @@ def load(
 
 def test_a_round_robot_of_a_grid_planner(tmp_path: Path) -> None:
     found = load(tmp_path)
-    assert found.robot.footprint.radius == 0.22
+    assert found.robot.footprint == Disc((0.0, 0.0), 0.22)
     assert (found.robot.drive, found.robot.clearance) == ("differential", 0.03)
     assert (found.tolerance, found.unknown) == (0.5, "free")
     assert "global_costmap.global_costmap.robot_radius 0.22" in found.taken
@@ -78,4 +78,4 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, options: dict[str, st
             load(tmp_path, **options)
         assert "\n" not in str(caught.value)
     else:  # the local costmap's robot, then
-        assert load(tmp_path, **options).robot.footprint.radius == 0.9
+        assert load(tmp_path, **options).robot.footprint == Disc((0.0, 0.0), 0.9)

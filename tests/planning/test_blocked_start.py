@@ -46,7 +46,7 @@ def carved(name: str, checker: StateChecker, blocked: shapely.Geometry, rng: np.
     for s in np.arange(0.02, 1.5, 0.02):
         way = -s if ahead else s
         q = (
-            np.array(drive(*free, side, way, 1.0))
+            np.array(drive(free[0], free[1], free[2], side, way, 1.0), np.float64)
             if side
             else free + way * np.array([np.cos(free[2]), np.sin(free[2]), 0.0])
         )

@@ -170,6 +170,8 @@ def plan(
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
+        from trailmark.world.goals import Goal, goals_of
+
         given, taken = options.RobotOptions(robot, turning_radius, forward_only, drive), list[str]()
         if nav2_params is not None:
             from trailmark.world.nav2 import Nav2Parameters
@@ -183,10 +185,12 @@ def plan(
             taken.extend(found.taken)
         inputs = [file for file in (settings, route_graph, keepout) if file is not None]
         loaded, body = given.load(world, (output, plot, trajectory, animate), inputs, keepout, unknown)
-        name, a, b = _ends(loaded, query, start, goal or [], goal_tolerance, bidirectional)
+        name, a, b = _ends(loaded, query, start, goal or [], goal_tolerance)
+        if bidirectional:
+            b = tuple(each for one in goals_of(b) or (Goal(b),)  # type: ignore[arg-type]  # no goals: three numbers for each in one.either_way())
         loading = time.perf_counter() - begun
 
-        from trailmark import Goal, LandmarkPlanner
+        from trailmark import LandmarkPlanner
         from trailmark.world.objective import Objective
 
         chosen, asked = _read_settings(settings)
@@ -281,19 +285,9 @@ def _ends(
     start: Pose | None,
     goals: Sequence[Pose | Position],
     tolerance: Tolerance | None,
-    bidirectional: bool,
 ) -> Ends:
     """Return the ends that the options give, else those of the world's query."""
     from trailmark.world.goals import Goal
-
-    if bidirectional:
-        name, a, b = _ends(world, query, start, goals, tolerance, False)
-        found = b if isinstance(b[0], Goal) else (Goal(b),)
-        options_of = (
-            {"position_tolerance": g.position_tolerance, "heading_tolerance": g.heading_tolerance} for g in found
-        )
-        both = [Goal.bidirectional(g.pose, **more) for g, more in zip(found, options_of, strict=True)]
-        return name, a, tuple(goal for pair in both for goal in pair)
 
     if (start is None) != (not goals):
         given, missing = ("--start", "--goal") if not goals else ("--goal", "--start")

@@ -7,14 +7,14 @@ from pathlib import Path
 
 from trailmark.errors import FormatError, ShapeError
 from trailmark.formats.files import read_text
-from trailmark.shapes import Shape, shapes_of
+from trailmark.shapes import Polygon, shapes_of
 
 __all__ = ["read_polygons"]
 
 ALLOWED = "expected polygons as GeoJSON or WKT"
 
 
-def read_polygons(path: Path) -> list[Shape]:
+def read_polygons(path: Path) -> list[Polygon]:
     """Return the polygons of a file, in metres of the world; features' properties, points and lines are left aside.
 
     Args:
@@ -34,7 +34,7 @@ def read_polygons(path: Path) -> list[Shape]:
         else:
             shapes = [shapely.from_wkt(line) for line in text.splitlines() if line.strip()]
         parts = [part for part in shapely.get_parts(shapely.get_parts(shapes)) if part.area > 0.0]
-        found = [shape for i, part in enumerate(parts) for shape in shapes_of(part, f"polygon {i}")]
+        found = [shape.polygon() for i, part in enumerate(parts) for shape in shapes_of(part, f"polygon {i}")]
     except (shapely.errors.ShapelyError, ShapeError, ValueError, TypeError, RecursionError) as error:
         raise FormatError(path, f"{ALLOWED}, got {' '.join(str(error).split())[:120]}") from None
     if not found:

@@ -75,8 +75,8 @@ def read_nav2_map(data: dict[str, Any], path: Path, unknown: bool | None = None)
     fields = _fields(image, file, path.stem, (path.absolute(), image.absolute()), blocked=unknown is not False)
     if unknown is None:
         return fields
-    cells = pixels_of(image, lambda pixels: _unknown_cells(pixels, file))[::-1]
-    return {**fields, "unknown": grid_polygons(cells, file.resolution, file.origin)}
+    cells, (x, y, yaw) = pixels_of(image, lambda pixels: _unknown_cells(pixels, file))[::-1], file.origin
+    return {**fields, "unknown": grid_polygons(cells, file.resolution, (x, y, yaw))}
 
 
 def read_grid(data: dict[str, Any], path: Path) -> tuple[NDArray[np.bool_], MapFile]:
@@ -284,7 +284,7 @@ def read_mask(
 
 def _unknown_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
     """Return which pixels are neither free nor occupied."""
-    return (_occupancy(image, file, graded=False) == -1) & ~free_cells(image, file)
+    return np.asarray((_occupancy(image, file, graded=False) == -1) & ~free_cells(image, file))
 
 
 def _occupancy(image: Image, file: MapFile, graded: bool = True) -> NDArray[np.int8]:

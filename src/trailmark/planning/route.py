@@ -80,7 +80,7 @@ def plan_on_route(
         for name, q, rows in (("start", ends[0], tails), ("goal", ends[1], heads))
     ]
     nodes: tuple[int, ...] = ()
-    incumbent, path, reason = Incumbent(motion, *ends, budget.begin), None, ""
+    incumbent, path, reason = Incumbent(motion, ends[0], ends[1], budget.begin), None, ""
     known |= joins[0] | joins[1]
     steps = _cheapest(model, known)
     if steps is None:
@@ -91,11 +91,11 @@ def plan_on_route(
         states = states[np.r_[True, (np.diff(states, axis=0) != 0.0).any(axis=1)]]
         nodes = (*(edges[i][0] for kind, i in steps[1:-1] if kind == "tail"), edges[steps[-2][1]][1])
         incumbent.offer(states if motion.turns else states * [1.0, 1.0, 0.0])
-        path = path_of(motion, motion.whole_states(states, *ends))
+        path = path_of(motion, motion.whole_states(states, ends[0], ends[1]))
         if not model.verification.certified(path, ends):
             path, nodes, reason = None, (), "the path did not pass the final check"
     made = model.verification.result(incumbent, "timeout" if path is None else "solved", path, model.shared.roadmap)
-    fields = {**made.__dict__, "lower_bound": motion.least_cost(*ends), "reason": reason}
+    fields = {**made.__dict__, "lower_bound": motion.least_cost(ends[0], ends[1]), "reason": reason}
     return RouteResult(**fields, nodes=nodes, colliding=colliding)
 
 
@@ -152,8 +152,8 @@ def _planned(
     """Yield a way that is planned, to the nearest end of an edge to which there is one."""
     for k, i in enumerate(which):
         part = budget.part(budget.seconds_left() / (len(which) - k), np.inf)
-        pair = (q, rows[i]) if name == "start" else (rows[i], q)
-        if model.checker.valid(rows[i]) and (path := plan_single(model, *pair, part).path) is not None:
+        a, b = (q, rows[i]) if name == "start" else (rows[i], q)
+        if model.checker.valid(rows[i]) and (path := plan_single(model, a, b, part).path) is not None:
             yield i, np.array(path.states)
             return
 

@@ -224,8 +224,8 @@ class _Through:
             states[moved] = q if self.motion.turns else [*q[:2], 0.0]
             last = states[-2:] if moved else states[:2]
             known = len(last) == 2 and self.motion.motions_between_valid(last[:1], last[1:])[0]
-            ends = (legs[j].start, q) if moved else (q, legs[j].path.states[-1])
-            leg = self._planned(*ends, seconds, np.inf, states if known else None)
+            start, end = (legs[j].start, q) if moved else (q, legs[j].path.states[-1])
+            leg = self._planned(start, end, seconds, np.inf, states if known else None)
             if leg is None:
                 return
             legs[j] = leg
