@@ -22,7 +22,7 @@ from trailmark.motion import Motion, motion_of
 from trailmark.proofs import LowerBound
 from trailmark.proofs.bound import LARGE
 from trailmark.proofs.eikonal import Eikonal
-from trailmark.proofs.region import free_region, grown
+from trailmark.proofs.region import ellipse, free_region, grown
 from trailmark.shapes import Disc, Rectangle
 from trailmark.trajectories.path import Path
 from trailmark.world import Robot, World
@@ -197,3 +197,14 @@ def test_obstacles_stop_it() -> None:
     assert Eikonal(weighted(world)).of(start, goal) > 2.0 * 13.0
     shut = replace(world, obstacles=(Rectangle((5.0, 5.0), 10.0, 1.0, np.pi / 2),))
     assert Eikonal(weighted(shut)).of(start, goal) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(1.0, 3.0))
+def test_an_ellipse_holds_all_places_of_paths_that_are_no_longer(seed: int, factor: float) -> None:
+    a, b = np.random.default_rng(seed).uniform(-5.0, 5.0, (2, 2))
+    apart, angle = float(np.hypot(*(b - a))), np.linspace(0.0, 2.0 * np.pi, 500)
+    major, minor = 0.5 * factor * apart, 0.5 * apart * np.sqrt(factor**2 - 1.0)
+    c, s = (b - a) / apart
+    u, v = major * np.cos(angle), minor * np.sin(angle)
+    rim = np.column_stack([c * u - s * v, s * u + c * v]) + 0.5 * (a + b)
+    assert shapely.covers(ellipse(a, b, factor * apart), shapely.points(rim)).all()
