@@ -187,7 +187,8 @@ def plan(
         loaded, body = given.load(world, (output, plot, trajectory, animate), inputs, keepout, unknown)
         name, a, b = _ends(loaded, query, start, goal or [], goal_tolerance)
         if bidirectional:
-            b = tuple(each for one in goals_of(b) or (Goal(b),)  # type: ignore[arg-type]  # no goals: three numbers for each in one.either_way())
+            found_goals = goals_of(b) or (Goal(b),)  # type: ignore[arg-type]  # no goals: three numbers
+            b = tuple(each for one in found_goals for each in one.either_way())
         loading = time.perf_counter() - begun
 
         from trailmark import LandmarkPlanner
