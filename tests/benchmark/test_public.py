@@ -55,7 +55,6 @@ def posed(name: str, folder: Path = Path(), count: int | None = None, robot: Rob
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLIC)
-@pytest.mark.filterwarnings("ignore:.*cells of grey 205:trailmark.errors.InputWarning")
 def test_every_problem_has_valid_ends(name: str, shared_data: Path) -> None:
     suite, count = PUBLIC[name], few(12)
     if suite.published and name not in FOLDERS:

@@ -169,7 +169,7 @@ def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> Non
         return sum(shape.area for shape in World.load(file).obstacles)
 
     plain = area()
-    noisy = "{range_bearing: {sigma_range: 0.3, sigma_bearing: 0.1}, stated_noise: false, fit_noise: off}"
+    noisy = "{range_bearing: {sigma_range: 0.3, sigma_bearing: 0.1}, stated_noise: false, fit_noise: false}"
     for text in (noisy, "robot_sigma: [0.2, 0]", "radius_sigma: 0.05"):
         assert area(*given(tmp_path, text)) > 1.2 * plain
     for words, frame in ((("--start", START), "start"), (("--start", START, "--frame", "map"), "map")):

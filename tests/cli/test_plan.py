@@ -45,9 +45,9 @@ def one_round(tmp_path: Path) -> tuple[str, ...]:
 
 def test_plan_has_no_more_options_than_a_person_can_read(shell: Shell) -> None:
     (command,) = (found for name, found in typer.main.get_command(app).commands.items() if name == "plan")  # type: ignore[attr-defined]
-    assert sum(parameter.param_type_name == "option" for parameter in command.params) <= 24
+    assert sum(parameter.param_type_name == "option" for parameter in command.params) <= 30
     headings = [line for line in shell("plan", "--help").out.splitlines() if line and line[0] != " "]
-    assert headings[1:] == ["Arguments:", "Options:", "Query:", "Robot:", "Objective:", "Limits:", "Output:"]
+    assert headings[1:] == ["Arguments:", "Options:", "Query:", "World:", "Robot:", "Objective:", "Limits:", "Output:"]
 
 
 def test_the_planner_is_asked_what_file_and_options_say(shell: Shell, yard: Path, planner: Any) -> None:
@@ -61,7 +61,7 @@ def test_the_planner_is_asked_what_file_and_options_say(shell: Shell, yard: Path
     given = ({key: value for key, value in call.items() if key != "world"} for call in planner.calls)
     defaults = {"robot": Robot.rectangle(0.8, 0.4), "start": (1.0, 1.0, 0.0), "goal": (9.0, 5.0, 1.5), "seed": 0}
     defaults |= {"landmarks": None, "clearance": None, "relax": False, "settings": PlannerSettings()}
-    defaults |= {"objective": Objective(), "time_limit": 1.0}
+    defaults |= {"objective": Objective(), "time_limit": 1.0, "escape": False}
     second = {"robot": Robot.disc(0.2), "start": (9.0, 5.0, 1.5), "goal": (1.0, 1.0, 0.0), "seed": 7, "landmarks": 50}
     second |= {"time_limit": 2.5, "clearance": 0.1, "relax": True}
     chosen = PlannerSettings(patience=3)

@@ -3,7 +3,6 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from contextlib import nullcontext
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from trailmark.errors import FormatError, InputWarning, WorldError
+from trailmark.errors import FormatError, WorldError
 from trailmark.formats.nav2_map import free_cells, read_mask, save_nav2_map
 from trailmark.formats.schema import MapFile
 from trailmark.shapes import Disc, Polygon, Rectangle
@@ -306,9 +305,8 @@ def test_cells_too_small_to_tell_apart(tmp_path: Path, keys: dict[str, Any]) -> 
     [("depot", "0.25", (0.0, 0.0, 0.0)), ("tb3_sandbox", "0.196", (-10.0, -10.0, 0.0))],
 )
 def test_published_maps(shared_data: Path, name: str, free_at_most: str, origin: tuple[float, float, float]) -> None:
-    warned = pytest.warns(InputWarning, match="8,894 cells") if name == "depot" else nullcontext()
-    with warned:
-        world = World.load(shared_data / "nav2" / f"{name}.yaml")
+    world = World.load(shared_data / "nav2" / f"{name}.yaml")
+    assert ["8,894 cells" in note for note in world.notes] == ([True] if name == "depot" else [])
     header, pixels = (shared_data / "nav2" / f"{name}.pgm").read_bytes().split(b"\n255\n", 1)
     width, height = map(int, header.split(b"\n")[-1].split())
     image = np.frombuffer(pixels, dtype=np.uint8).reshape(height, width)
@@ -328,9 +326,9 @@ def test_unknown_cells_that_a_threshold_makes_free_are_warned_of(tmp_path: Path,
     quiet: list[tuple[Image.Image, dict[str, Any]]]
     quiet = [(picture, {"free_thresh": 0.196}), (picture, {"negate": 1}), (grey([206, 254]), {})]
     for image, keys in quiet:
-        World.load(write_map(tmp_path, image, mode=mode, **{"free_thresh": 0.25, **keys}))
-    with pytest.warns(InputWarning, match="3 cells of grey 205, which map savers write for unknown, are free"):
-        World.load(write_map(tmp_path, picture, mode=mode, free_thresh=0.25))
+        assert not World.load(write_map(tmp_path, image, mode=mode, **{"free_thresh": 0.25, **keys})).notes
+    (note,) = World.load(write_map(tmp_path, picture, mode=mode, free_thresh=0.25)).notes
+    assert "3 cells of grey 205, which map savers write for unknown, are free" in note
 
 
 BOUNDS = (-1.0, 2.0, 5.0, 6.0)
@@ -365,7 +363,6 @@ def test_without_estimates_all_obstacles_are_solid(tmp_path: Path) -> None:
     assert cells[39, 59] == 254
 
 
-GREY = "ignore:.*cells of grey 205:trailmark.errors.InputWarning"
 PLAIN = World("w", (0.0, 0.0, 9.0, 9.0))
 
 
@@ -420,7 +417,6 @@ def test_base_and_multiplier(tmp_path: Path) -> None:
     assert limits == pytest.approx([0.3, 0.5, 1.0])  # 10 + 100 % is beyond the maximum: no limit
 
 
-@pytest.mark.filterwarnings(GREY)
 def test_published_masks(shared_data: Path) -> None:
     """Against the pixels themselves, at a sample of their centres."""
     folder = shared_data / "nav2"

@@ -395,7 +395,6 @@ def written(folder: Path, *features: Any) -> Path:
     return file
 
 
-@pytest.mark.filterwarnings("ignore:.*cells of grey 205:trailmark.errors.InputWarning")
 def test_depots_route_graph(shared_data: Path) -> None:
     file = shared_data / "nav2" / "depot_graph.geojson"
     graph = read_route_graph(str(file))

@@ -349,7 +349,10 @@ def load_world(text: str, unknown: Any = None) -> World:
     """Return the world of a file, or the shipped world of a name; ``unknown`` says what unknown cells are."""
     from trailmark.world import World
 
-    return World.load(text, unknown)
+    world = World.load(text, unknown)
+    for note in world.notes:
+        console.warn(note)
+    return world
 
 
 def is_nav2_map(text: str) -> bool:

@@ -220,11 +220,10 @@ def plan(
             else:
                 asked |= {"on_progress": follow, "stop": stopped.is_set, "escape": escape}
                 places = [each if isinstance(each, Pose) else Goal(each) for each in via or ()]
-                result = (
-                    planner.plan_through(a, [*places, b], time_limit, **asked)
-                    if places
-                    else planner.plan(a, b, time_limit, **asked)
-                )
+                if places:
+                    result = planner.plan_through(a, [*places, b], time_limit=time_limit, **asked)
+                else:
+                    result = planner.plan(a, b, time_limit=time_limit, **asked)
         result, extras = plan_files.smoothed(result, loaded, body) if smooth else (result, {})
         record = result.to_dict(world=loaded.name, query=name) | extras
         record["settings"] = chosen.to_dict()
@@ -252,12 +251,6 @@ def plan(
         console.say(console.json_text(record))
     else:
         _print_summary(record, result, [trajectory, animate, output, plot])
-    if result.path is not None and not result.escape and clearance is None:
-        near, enough = result.min_clearance or 0.0, max(CLOSE, CLOSE_SHARE * 2.0 * body.circumradius)
-        if near < enough:
-            console.tell(
-                f"the path comes within {near:.2g} m of an obstacle; --clearance {2.0 * enough:.2g} keeps away"
-            )
     if stopped.is_set():
         raise KeyboardInterrupt
     raise typer.Exit(EXIT_STATUS[result.status])
@@ -395,5 +388,8 @@ def _path_facts(record: dict[str, Any], result: PlanResult) -> list[tuple[str, s
     certified = f"; certified {result.clearance:.4g} m" if result.clearance > 0.0 or result.clearance_bound else ""
     if result.clearance_bound is not None:
         certified += f", and no path keeps more than {result.clearance_bound:.4f} m"
+    enough = max(CLOSE, CLOSE_SHARE * 2.0 * result.robot.circumradius) if result.robot is not None else CLOSE
+    if not result.escape and result.clearance == 0.0 and record["min_clearance"] < enough:
+        certified = f"; too near to drive? --clearance {2.0 * enough:.2g} keeps away"
     first = f"cost {record['first_cost']:.4f} after {record['time']['first_solution']:.3f} s"
     return [*facts, ("clearance", f"minimum {record['min_clearance']:.4f} m{certified}"), ("first path", first)]

@@ -542,7 +542,7 @@ def detection_warnings(run: SlamRun, poses: str) -> list[str]:
         kind = "larger" if nis.mean > nis.expected else "smaller"
         found.append(
             f"the readings' errors are {kind} than the noise that is stated (NIS {nis.mean:.3g}, expected "
-            f"{nis.expected:.3g}): the setting fit_noise: on estimates it"
+            f"{nis.expected:.3g}): the setting fit_noise: true estimates it"
         )
     if batch is not None and batch.figures["halves"] > TOLD:
         found.append(
@@ -553,7 +553,7 @@ def detection_warnings(run: SlamRun, poses: str) -> list[str]:
     if left_out > MAX_LEFT_OUT * max(1, counts.detections):
         found.append(
             f"{left_out / counts.detections:.0%} of the readings fit no feature: misread identities, things that "
-            "moved, or wrong noise (setting fit_noise: on)"
+            "moved, or wrong noise (setting fit_noise: true)"
         )
     return [*found, *(speed_warnings(run.result.trajectory) if poses == "slam" else [])]
 

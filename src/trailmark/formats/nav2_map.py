@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.arguments import Positive, checked_arguments, number
-from trailmark.errors import FormatError, InputWarning, WorldError, expected_name
+from trailmark.errors import FormatError, WorldError, expected_name
 from trailmark.formats.files import write_atomically
 from trailmark.formats.grid import MAX_CELLS, check_size, grid_fields, grid_polygons
 from trailmark.formats.yaml_data import read_yaml
@@ -118,15 +118,15 @@ def _fields(image: Path, file: MapFile, name: str, sources: tuple[Path, ...], bl
         return free if blocked else free | _unknown_cells(pixels, file)
 
     free = pixels_of(image, taken)
+    notes: tuple[str, ...] = ()
     if unknown and blocked and len(sources) > 1:  # whoever reads an image alone has named the threshold himself
         what = f"{unknown:,} cells of grey {UNKNOWN}, which map savers write for unknown, are free"
-        problem = f"{sources[0]}: {what} by free_thresh {file.free_thresh:g}; 0.196 keeps them out"
-        warnings.warn(problem, InputWarning, stacklevel=2)
+        notes = (f"{sources[0]}: {what} by free_thresh {file.free_thresh:g}; 0.196 keeps them out",)
     try:
         fields = grid_fields(~free[::-1], file.resolution, file.origin, name)
     except WorldError as error:
         raise FormatError(image, str(error)) from None
-    return {**fields, "sources": sources}
+    return {**fields, "sources": sources, "notes": notes}
 
 
 def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:

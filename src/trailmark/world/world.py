@@ -72,6 +72,7 @@ class World(Shown):
             places cannot be told apart); None if nothing speaks against them.
         unknown: regions of which a map says nothing, drawn as such; obstacles and zones say what they are to a robot.
             Worlds compare without them, and world files do not keep them.
+        notes: what looks odd in the files that it was read from, each a sentence; the shell tells of it.
         sources: the files that it was read from, absolute, which nothing that is written may replace. Worlds compare
             without them.
 
@@ -94,6 +95,7 @@ class World(Shown):
     zones: tuple[Zone, ...] = field(default=())
     not_certified: str | None = None
     unknown: tuple[Polygon, ...] = field(default=(), repr=False, compare=False)
+    notes: tuple[str, ...] = field(default=(), repr=False, compare=False)
     sources: tuple[FilePath, ...] = field(default=(), repr=False, compare=False)
     _origin: tuple[weakref.ref[World], Changes] | None = field(default=None, init=False, repr=False, compare=False)
 
