@@ -62,6 +62,10 @@ def benchmark(
         list[str] | None,
         option(options.NAME, "Query of the worlds; default: all. Repeat it for several.", group="Problems"),
     ] = None,
+    start: Annotated[
+        options.Pose | None, option(options.POSE, "Start pose of one problem in each world.", group="Problems")
+    ] = None,
+    goal: Annotated[options.Pose | None, option(options.POSE, "Its goal pose.", group="Problems")] = None,
     suite: Annotated[
         str | None,
         option(
@@ -105,13 +109,17 @@ def benchmark(
     if list_suites:
         _print_suites()
         return
+    if (start is None) != (goal is None) or (start is not None and (query or suite)):
+        raise UsageError("expected --start and --goal together, without --query and --suite, got others")
     if workers is not None and scheduler is not None:
         raise UsageError("expected --workers or --scheduler, got both")
     if output is None:
         raise UsageError("--output is missing; expected --output RESULTS.db")
     given, public = _read_source(suite, data)
     with console.progress("loading worlds"):
-        wanted = Wanted(options.RobotOptions(robot, turning_radius, forward_only, drive), tuple(query or ()), count)
+        ends = None if start is None or goal is None else (start, goal)
+        body = options.RobotOptions(robot, turning_radius, forward_only, drive)
+        wanted = Wanted(body, tuple(query or ()), count, ends)
         problems = _posed_problems(worlds or [], given, public, wanted)
         plan = Benchmark(
             problems=problems,
@@ -185,11 +193,19 @@ def print_results(results: Results, planners: Sequence[str]) -> None:
 
 
 class Wanted(NamedTuple):
-    """The options about problems: robot, names of queries (all if empty) and number (all if None)."""
+    """The options about problems: robot, names of queries (all if empty), number (all if None), start and goal."""
 
     robot: options.RobotOptions
     queries: tuple[str, ...]
     number: int | None
+    ends: tuple[options.Pose, options.Pose] | None = None
+
+    def load(self, text: str) -> World:
+        """Return a world, with start and goal as its only query if they are given."""
+        from trailmark.world import Query
+
+        world = options.load_world(text)
+        return world if self.ends is None else replace(world, queries=(Query("given", *self.ends),))
 
     def posed(self, world: World, robot: Robot | None, queries: Sequence[str]) -> Iterator[Problem]:
         """Return a world's problems for a robot, or else the world's own."""
@@ -246,7 +262,7 @@ def _posed_problems(worlds: list[str], suite: Suite | None, public: Public | Non
     from trailmark.world.library import shipped_worlds
 
     given = None if wanted.robot.spec is None else wanted.robot.spec.robot
-    found = [problem for text in worlds for problem in wanted.posed(options.load_world(text), given, wanted.queries)]
+    found = [problem for text in worlds for problem in wanted.posed(wanted.load(text), given, wanted.queries)]
     for entry in suite.entries if suite is not None else ():
         if entry.missing:
             console.note(f"skipped, not found: {entry.world}")

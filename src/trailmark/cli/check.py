@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["check"]
 
 WRONG = 5
-"""Exit status if the path collides, or holds motions that the robot's drive cannot make."""
+"""Exit status if the path collides, comes nearer than asked, or holds motions that the robot's drive cannot make."""
 
 SHOWN = 12
 """Collisions, and motions that the robot cannot make, that the summary lists at most."""
@@ -84,7 +84,7 @@ def check(
         progress.stage("checking (compiles on first use)")
         if found.positions_only and not isinstance(body.footprint, Disc):
             raise FormatError(path, f"expected headings, for the robot ({body.describe()}) is no disc; got x, y alone")
-        auditor = PathAuditor(StateChecker(loaded, body, clearance=clearance))
+        auditor = PathAuditor(StateChecker(loaded, body))
         recorded = recorded_path(found, path)
         try:
             audit = auditor.audit(recorded)
@@ -93,6 +93,8 @@ def check(
         # What another drive does may cost less than this robot's bound.
         lower_bound = None if audit.undrivable else _lower_bound(auditor, audit)
         record = audit.to_dict(loaded.name) | {"lower_bound": lower_bound}
+        if clearance is not None:
+            record |= {"clearance": clearance, "keeps_clearance": audit.min_clearance >= clearance}
         fixed, final = None, audit
         if repair is not None:
             progress.stage("repairing")
@@ -113,7 +115,8 @@ def check(
         console.say(console.json_text(record))
     else:
         _print_summary(record, audit, body, [repair, plot])
-    raise typer.Exit(0 if final.free and not final.undrivable else WRONG)
+    near = clearance is not None and final.min_clearance < clearance
+    raise typer.Exit(WRONG if near or not final.free or final.undrivable else 0)
 
 
 def recorded_path(found: PathFile, file: Path) -> RobotPath:
@@ -187,6 +190,8 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
     verdict = "free" if audit.free else "the path collides"
     if undrivable:
         verdict += ", but not drivable" if audit.free else ", and is not drivable"
+    if record.get("keeps_clearance") is False and audit.free:
+        verdict += f", but nearer than {record['clearance']:g} m"
     facts = [("collision", _collision(hit)) for hit in audit.collisions[:SHOWN]]
     facts += [("", f"and {len(audit.collisions) - SHOWN:,} more")] * (len(audit.collisions) > SHOWN)
     for m in undrivable[:SHOWN]:

@@ -33,6 +33,9 @@ KINDS: dict[str, Kind] = {
     "confidence": options.PROBABILITY,
     "noise": options.FACTOR,
     "seed": options.SEED,
+    "drive": options.DRIVE,
+    "turning-radius": options.RADIUS,
+    "clearance": options.CLEARANCE,
 }
 """Of the options that are kept, as they were written, for the exploration to go on with."""
 
@@ -70,6 +73,9 @@ def explore(
     ] = None,
     noise: Annotated[Text, _kept("noise", "Factor on the noise of odometry and sensor; 0 is none; default: 1.")] = None,
     seed: Annotated[Text, _kept("seed", "Random seed; default: 0.")] = None,
+    drive: Annotated[Text, _kept("drive", "How the robot moves; as for plan.")] = None,
+    turning_radius: Annotated[Text, _kept("turning-radius", "Minimum turning radius; makes the robot a car.")] = None,
+    clearance: Annotated[Text, _kept("clearance", "Minimum clearance to what is seen.")] = None,
     time_limit: Annotated[
         float, options.option(options.SECONDS, "Time limit on the simulated robot's clock.")
     ] = math.inf,
@@ -86,6 +92,7 @@ def explore(
     """
     begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range, "cell": cell}
     begun |= {"confidence": confidence, "noise": noise, "seed": seed}
+    begun |= {"drive": drive, "turning-radius": turning_radius, "clearance": clearance}
     folder = _folder(output, resume, begun)
     limits = {"time_limit": time_limit, "distance_limit": max_distance}
     words = {name: text for name, text in (begun | {"world": world, "strategy": strategy}).items() if text is not None}
@@ -204,6 +211,9 @@ class Beginning(NamedTuple):
     confidence: float | None
     noise: float
     seed: int
+    drive: str | None
+    turning_radius: float | None
+    clearance: float | None
 
     @classmethod
     def read(cls, given: Mapping[str, object]) -> Beginning:
@@ -234,7 +244,8 @@ class Beginning(NamedTuple):
         from trailmark.exploration.result import ExplorationSettings
         from trailmark.exploration.simulated_robot import disc_detector, laser_scanner
 
-        body = options.robot_of(world, self.robot)
+        given = options.RobotOptions(self.robot, self.turning_radius, False, self.drive)
+        body = given.steered(options.robot_of(world, self.robot)).keeping(self.clearance or 0.0)
         if self.start is None and not world.queries:
             raise UsageError(f"world {world.name!r} holds no query to start from; expected --start X,Y,T")
         settings = ExplorationSettings(cell=self.cell, confidence=self.confidence, return_home=return_home, **limits)

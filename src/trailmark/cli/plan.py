@@ -172,7 +172,7 @@ def plan(
         begun = time.perf_counter()
         from trailmark.world.goals import Goal, goals_of
 
-        given, taken = options.RobotOptions(robot, turning_radius, forward_only, drive), list[str]()
+        given, taken, near = options.RobotOptions(robot, turning_radius, forward_only, drive), list[str](), 0.0
         if nav2_params is not None:
             from trailmark.world.nav2 import Nav2Parameters
 
@@ -180,8 +180,7 @@ def plan(
             given = given._replace(spec=robot or options.RobotSpec(found.robot.keeping(0.0), (nav2_params,)))
             clearance = found.robot.clearance or None if clearance is None else clearance
             unknown = found.unknown if unknown is None and options.is_nav2_map(world) else unknown
-            if goal_tolerance is None and found.tolerance > 0.0:
-                goal_tolerance = Tolerance(found.tolerance)
+            near = found.tolerance
             taken.extend(found.taken)
         inputs = [file for file in (settings, route_graph, keepout) if file is not None]
         loaded, body = given.load(world, (output, plot, trajectory, animate), inputs, keepout, unknown)
@@ -206,6 +205,9 @@ def plan(
             settings=chosen,
             objective=Objective.of(objective, body, max_speed=speeds.speed, max_turn_rate=speeds.turn_rate),
         )
+
+        if near > 0.0 and goals_of(b) is None and not planner.checker.valid(b):  # type: ignore[arg-type]  # no goals: three numbers
+            b = (Goal(b, position_tolerance=near),)  # type: ignore[arg-type]  # as nav2: where the goal is not free
 
         def follow(state: PlanProgress) -> None:
             progress.phase = state.phase
