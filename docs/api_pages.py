@@ -97,6 +97,23 @@ def write(folder: Path) -> None:
             page.write_text(text)
 
 
+def write_commands(page: Path) -> None:
+    """Write the page of all commands with their options, as their help says it."""
+    import typer
+    from typer.testing import CliRunner
+
+    from trailmark.cli import app
+
+    names = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # it is a group
+    lines = ["# Commands", "", "What `trailmark COMMAND --help` says.", ""]
+    for name in sorted(names):
+        told = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}).output
+        lines += [f"## {name}", "", "```text", told.strip(), "```", ""]
+    text = "\n".join(lines)
+    if not page.exists() or page.read_text() != text:
+        page.write_text(text)
+
+
 def make_readable(app: object, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
     """Change a docstring's lines so that Sphinx reads what people read.
 

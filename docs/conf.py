@@ -60,6 +60,7 @@ sphinx_gallery_conf = {
 }
 
 api_pages.write(DOCS / "api")
+api_pages.write_commands(DOCS / "api" / "commands.md")
 
 
 def setup(app: Sphinx) -> None:
