@@ -145,9 +145,14 @@ class _Through:
         for count in (DRAWN, MORE_DRAWN):
             rows = []
             for goal in place:
+                if (pose := goal.configuration) is not None:
+                    rows.append(np.array([pose]))
+                    continue
                 around = np.column_stack([np.tile(goal.disc[0], (len(headings), 1)), headings])
-                rows += [goal.nearest(around), goal.draw(rng, count if goal.disc[1] > 0.0 or goal.headings else 0)]
-            states = np.unique(np.vstack(rows), axis=0)
+                if goal.disc[1] > 0.0 or goal.headings:
+                    around = np.vstack([goal.nearest(around), goal.draw(rng, count)])
+                rows.append(around)
+            states = np.vstack(rows)
             free = checker.states_free(states)
             if free.any():
                 break
@@ -200,7 +205,7 @@ class _Through:
 
     def choose(self, i: int) -> None:
         """Pass a place in the configuration with which both of its legs cost least, of those there is time to try."""
-        if self.stops.configuration(i) is not None:
+        if self.stops.configuration(i) is not None or self.good_enough or self.budget.is_up():
             return
         before, after = (vertices_of(self.motion, leg.path) for leg in self.legs[i : i + 2])
         beside = np.vstack([before[-2:], after[:2]])
