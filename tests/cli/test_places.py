@@ -141,6 +141,12 @@ def test_polygons_keep_out_and_the_same_options_hold_elsewhere(shell: Shell, yar
 
 
 @pytest.mark.slow
+def test_a_dash_prints_the_result(shell: Shell, yard: Path) -> None:
+    run = shell("plan", yard, "--time-limit", 0.2, "--output", "-")
+    assert (run.status, json.loads(run.out)["status"]) == (0, "solved")
+
+
+@pytest.mark.slow
 def test_a_discs_path_may_be_positions_alone(shell: Shell, yard: Path, tmp_path: Path) -> None:
     (tmp_path / "path.csv").write_text("x,y\n1,1\n9,1\n")
     assert shell("check", yard, tmp_path / "path.csv", "--robot", "disc:0.3").status == 0

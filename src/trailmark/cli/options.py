@@ -92,13 +92,18 @@ class Choice(Kind):
 
 
 class OutputFile(Kind):
-    """A file to be written, with one of some suffixes (any if there are none); it must be possible to write it."""
+    """A file to be written, with one of some suffixes (any if there are none); it must be possible to write it.
 
-    def __init__(self, *suffixes: str, metavar: str = "FILE") -> None:
+    With ``stdout``, - names no file.
+    """
+
+    def __init__(self, *suffixes: str, metavar: str = "FILE", stdout: bool = False) -> None:
         def read(text: str) -> Path:
             from trailmark.formats.files import check_writable
 
-            check_writable(file := Path(text), suffixes)
+            file = Path(text)
+            if not (stdout and text == "-"):
+                check_writable(file, suffixes)
             return file
 
         super().__init__(metavar, ", ".join(suffixes), read)
@@ -224,7 +229,8 @@ DRIVE = Choice("omnidirectional", "differential", "car")
 UNKNOWN = Kind("blocked|free|FACTOR", "blocked, free, or a factor from 0.1 to 1e6", _unknown)
 FRAME = Kind("NAME", "a name without blanks, such as map", _frame)
 PICTURE = OutputFile(".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
-PATH_FILE = OutputFile(".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2.json", ".geojson")
+PATH_SUFFIXES = ".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2.json", ".geojson"
+PATH_FILE = OutputFile(*PATH_SUFFIXES)
 SETTINGS, ZONES = InputFile("FILE.yaml"), InputFile()
 
 

@@ -49,9 +49,9 @@ def plan(
     output: Annotated[
         Path | None,
         option(
-            options.PATH_FILE,
+            options.OutputFile(*options.PATH_SUFFIXES, stdout=True),
             "Write the path: .json (the full result), .csv, .path or .txt (rows 'x y theta'), .yaml or .nav2.json "
-            "(nav_msgs/Path), or .geojson.",
+            "(nav_msgs/Path), or .geojson; - prints the full result, as --json.",
         ),
     ] = None,
     plot: options.PlotOption = None,
@@ -166,6 +166,8 @@ def plan(
         raise UsageError("--limits given without a use; expected --timed, --animate or --objective time too")
     if route_graph is not None and (via or escape or bidirectional or (clearance is not None and relax)):
         raise UsageError("--route-graph given with --via, --escape, --bidirectional or --relax; expected it alone")
+    if output == Path("-"):
+        output, as_json = None, True
     speeds, stopped = limits or SpeedLimits(), Event()
 
     with console.progress("loading") as progress:

@@ -44,8 +44,8 @@ MAX_FRAMES, FRAME_SECONDS, LAST_FRAMES = 110, 0.11, 14
 NUMBER_ROOM = np.array([15.0, 9.0])
 """Points that the numbers of two landmarks are apart, along x or along y."""
 
-DPI, MAX_CELLS = 80, 150_000
-"""Of an animation: about a cell for two pixels."""
+DPI, MAX_CELLS, COLOURS = 80, 150_000, 250
+"""Of an animation: about a cell for two pixels, and what a GIF can hold beside three colours of ours."""
 
 MARK: dict[str, Any] = {"color": LANDMARK, "marker": "o", "ls": "none", "ms": 5.0, "mec": "white", "mew": 0.8}
 """Of a landmark."""
@@ -145,10 +145,10 @@ def save_exploration_animation(file: str | FilePath, result: ExplorationResult) 
     rows = np.unique(np.linspace(0, len(result.history) - 1, MAX_FRAMES).astype(int))
     film = _Film(result)
     last = Image.fromarray(film.drawn(int(rows[-1])))
-    palette = last.quantize(64, dither=Image.Dither.NONE)
+    palette = last.quantize(COLOURS, dither=Image.Dither.NONE)
     # Of what is small, or not in the last frame, the colours would be some others.
     own = [round(255.0 * part) for colour in (GOAL, PATH, LANDMARK) for part in to_rgb(colour)]
-    palette.putpalette([*(palette.getpalette() or [])[: 3 * 64], *own])
+    palette.putpalette([*(palette.getpalette() or [])[: 3 * COLOURS], *own])
     pictures = [
         Image.fromarray(film.drawn(row)).quantize(palette=palette, dither=Image.Dither.NONE) for row in rows.tolist()
     ]

@@ -204,7 +204,7 @@ def _add_progress(
 ) -> None:
     """Add a small panel with :func:`draw_progress`, if there was progress, beside the plan or below its legend."""
     legend = plan.get_legend()
-    if not history or legend is None:
+    if len(history) < 2 or legend is None:  # a chart of one flat line says nothing
         return
     box, entries = (part.get_window_extent() for part in (plan, legend))
     under = entries.y0 - figure.dpi * (BELOW + HEIGHT)
