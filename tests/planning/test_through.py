@@ -75,6 +75,20 @@ def test_headings_left_free_are_those_of_the_cheapest_chain() -> None:
     assert result.path.length <= 1.02 * total[0]
 
 
+def test_of_several_goals_the_cost_counts_and_the_index_is_told() -> None:
+    near, far = Goal((10.0, 6.0, 0.0), cost=5.0), Goal((10.0, 8.0, 0.0))
+    planner = LandmarkPlanner(OPEN, ROBOTS["disc"], seed=0)
+    result = planner.plan_through((5.0, 5.0, 0.0), [(near, far), [near, Goal((15.0, 5.0))]], 2.0)
+    assert result.legs[0].goal is not None
+    assert result.goal is not None
+    assert (result.legs[0].goal.index, result.goal.index) in {(1, 1), (0, 0)}
+    lengths = [float(np.hypot(5.0, 3.0)), float(np.hypot(5.0, 3.0))]  # over the farther goal, which costs nothing
+    assert result.cost == pytest.approx(sum(lengths), rel=1e-6)
+    assert result.lower_bound is not None
+    assert result.cost is not None
+    assert result.lower_bound <= result.cost
+
+
 def test_the_leg_that_fails_is_named() -> None:
     box = World("box", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 5.0), 1.0, 10.0),))
     planner = LandmarkPlanner(box, ROBOTS["disc"], seed=0)

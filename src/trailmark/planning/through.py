@@ -29,7 +29,7 @@ from trailmark.proofs.claims import contradicted
 from trailmark.se2 import FloatArray
 from trailmark.trajectories import CurvePath, Path, path_of
 from trailmark.world import Robot
-from trailmark.world.goals import Goal, goals_of
+from trailmark.world.goals import Goal, ReachedGoal, goals_of
 
 __all__ = ["Stops", "plan_through", "stops_of"]
 
@@ -166,7 +166,7 @@ class _Through:
         known = [i for i, rows in enumerate(self.choices) if len(rows)]
         costs, rows, back = np.zeros(1), self.start[None], []
         for i in known:
-            each = costs[:, None] + self._straight(rows, self.choices[i])
+            each = costs[:, None] + self._straight(rows, self.choices[i]) + self._charges(i, self.choices[i])
             back.append(each.argmin(axis=0))
             costs, rows = each.min(axis=0), self.choices[i]
         ends: list[FloatArray | None] = [None] * len(self.choices)
@@ -174,6 +174,13 @@ class _Through:
         for i, before in zip(reversed(known), reversed(back), strict=True):
             ends[i], k = self.choices[i][k], int(before[k])
         return ends
+
+    def _charges(self, i: int, rows: FloatArray) -> FloatArray:
+        """Return what configurations (n, 3) of a place are charged by the cheapest goal that holds each, (n,)."""
+        place = self.stops.places[i]
+        if len(place) == 1:
+            return np.full(len(rows), place[0].cost)
+        return np.asarray(np.min([np.where(goal.contains(rows), goal.cost, np.inf) for goal in place], axis=0))
 
     def _straight(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return what motions from each of n configurations to each of m cost, metres, shape (n, m)."""
@@ -199,9 +206,18 @@ class _Through:
                     break
             if self.failed.path is None:
                 return False
-            self.legs.append(_Leg(here, self.failed.path, self.failed))
+            self.legs.append(_Leg(here, self.failed.path, self._reaching(i, self.failed, self.failed.path)))
             here = self.failed.path.states[-1]
         return self._submit(self.legs)
+
+    def _reaching(self, i: int, result: PlanResult, path: Path) -> PlanResult:
+        """Return the answer to a leg's query with which of the place's goals it ends at, and that one's cost."""
+        place, end = self.stops.places[i], path.states[-1]
+        held = [k for k, goal in enumerate(place) if goal.contains(end)]
+        if not held or (len(place) == 1 and place[0].cost == 0.0 and place[0].configuration is not None):
+            return result
+        k = min(held, key=lambda k: place[k].cost)
+        return replace(result, goal=ReachedGoal(k, (float(end[0]), float(end[1]), float(end[2])), place[k].cost))
 
     def choose(self, i: int) -> None:
         """Pass a place in the configuration with which both of its legs cost least, of those there is time to try."""
@@ -214,7 +230,7 @@ class _Through:
         # What is gained as seen from the vertices beside it, and from the places beside it.
         gains, all_ = np.full(len(rows), -np.inf), np.vstack([before[-1:], rows])
         for a, b in ((before[-2:][:1], after[:2][-1:]), (before[:1], after[-1:])):
-            costs = self._straight(a, all_)[0] + self._straight(all_, b)[:, 0]
+            costs = self._straight(a, all_)[0] + self._straight(all_, b)[:, 0] + self._charges(i, all_)
             gains = np.maximum(gains, costs[0] - costs[1:])
         for k in np.argsort(-gains, kind="stable"):
             if gains[k] <= 0.0 or self.good_enough or self.budget.is_up():
@@ -230,7 +246,7 @@ class _Through:
             last = states[-2:] if moved else states[:2]
             known = len(last) == 2 and self.motion.motions_between_valid(last[:1], last[1:])[0]
             start, end = (legs[j].start, q) if moved else (q, legs[j].path.states[-1])
-            leg = self._planned(start, end, seconds, np.inf, states if known else None)
+            leg = self._planned(j, start, end, seconds, np.inf, states if known else None)
             if leg is None:
                 return
             legs[j] = leg
@@ -244,20 +260,20 @@ class _Through:
                 return
             old, seconds = self.legs[i], self.budget.seconds_left() / (len(self.legs) - i)
             known = vertices_of(self.motion, old.path)
-            new = self._planned(old.start, old.path.states[-1], seconds, self.budget.gap, known)
+            new = self._planned(i, old.start, old.path.states[-1], seconds, self.budget.gap, known)
             if new is not None:
                 best = new if (new.result.cost or np.inf) < (old.result.cost or np.inf) else old
                 bound = max(old.result.lower_bound or 0.0, new.result.lower_bound or 0.0)
-                result = replace(best.result, lower_bound=bound, goal=old.result.goal)
+                result = replace(best.result, lower_bound=bound)
                 self._submit([*self.legs[:i], replace(best, result=result), *self.legs[i + 1 :]])
 
     def _planned(
-        self, start: FloatArray, goal: FloatArray, seconds: float, gap: float, known: FloatArray | None
+        self, i: int, start: FloatArray, goal: FloatArray, seconds: float, gap: float, known: FloatArray | None
     ) -> _Leg | None:
-        """Return a leg between two configurations, or None."""
+        """Return a leg to a place, between two configurations, or None."""
         budget = self.budget.part(seconds, gap)
         result = plan_single(self.model, start, goal, budget, on_progress=self._told, known=known)
-        return None if result.path is None else _Leg(start, result.path, result)
+        return None if result.path is None else _Leg(start, result.path, self._reaching(i, result, result.path))
 
     # --- the whole
 
