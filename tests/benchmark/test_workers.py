@@ -90,7 +90,8 @@ def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, ar
     assert answer["correct_solution"], answer["failure"]
     check_curve(answer)
     found = car.path(answer["path"])
-    assert found.cost == pytest.approx(answer["solution_length"], rel=1e-5)
+    # What makes the path better in its last moments may come after the limit, and counts in no cost.
+    assert found.cost <= answer["solution_length"] * (1.0 + 1e-5)
     shorter = car.path(answer["simplified_path"])
     assert shorter.cost == pytest.approx(answer["simplified_solution_length"])
     # OMPL's splines lengthen paths of curves, by a sixth at times.
