@@ -49,8 +49,8 @@ class Kind:
         raise typer.BadParameter(problem) if option is None else UsageError(f"{option}: {problem}")
 
 
-def _held(holds: bool) -> None:
-    if not holds:
+def _require(allowed: bool) -> None:
+    if not allowed:
         raise ValueError
 
 
@@ -62,7 +62,7 @@ class Number(Kind):
     ) -> None:
         def read(text: str) -> float:
             value = float(text)
-            _held(math.isfinite(value) and value > above and low <= value <= high)
+            _require(math.isfinite(value) and value > above and low <= value <= high)
             return value
 
         super().__init__(metavar, allowed, read)
@@ -73,7 +73,7 @@ class Count(Kind):
 
     def __init__(self, metavar: str = "N", low: int = 0, high: int = 2**32 - 1) -> None:
         def read(text: str) -> int:
-            _held(low <= (value := int(text)) <= high)
+            _require(low <= (value := int(text)) <= high)
             return value
 
         super().__init__(metavar, f"an integer from {low} to {high}", read)
@@ -159,7 +159,7 @@ def _pose(text: str) -> Pose:
 
     x, y, heading = text.split(",")
     pose = Pose(float(x), float(y), angle(heading))
-    _held(all(map(math.isfinite, pose)))
+    _require(all(map(math.isfinite, pose)))
     if "deg" not in heading:
         warn_of_degrees(pose.theta, repr(text))
     turns = abs(pose.theta) > 2.0 * math.pi  # else it is warned of again where it is used
@@ -170,7 +170,7 @@ def _goal(text: str) -> Pose | Position:
     if text.count(",") != 1:
         return _pose(text)
     position = Position(*map(float, text.split(",")))
-    _held(all(map(math.isfinite, position)))
+    _require(all(map(math.isfinite, position)))
     return position
 
 
@@ -179,13 +179,13 @@ def _tolerance(text: str) -> Tolerance:
 
     metres, comma, heading = text.partition(",")
     tolerance = Tolerance(float(metres), angle(heading) if comma else 0.0)
-    _held(all(0.0 <= value < math.inf for value in tolerance))
+    _require(all(0.0 <= value < math.inf for value in tolerance))
     return tolerance
 
 
 def _limits(text: str) -> SpeedLimits:
     values = [float(word) for word in text.split(",")]
-    _held(len(values) <= 4 and all(1e-6 <= value <= 1e6 for value in values))
+    _require(len(values) <= 4 and all(1e-6 <= value <= 1e6 for value in values))
     return SpeedLimits(*values)
 
 
@@ -201,12 +201,12 @@ def _unknown(text: str) -> str | float:
     if text in ("blocked", "free"):
         return text
     factor = float(text)
-    _held(0.1 <= factor <= 1e6)
+    _require(0.1 <= factor <= 1e6)
     return factor
 
 
 def _frame(text: str) -> str:
-    _held(bool(text) and all(c.isprintable() and not c.isspace() for c in text))
+    _require(bool(text) and all(c.isprintable() and not c.isspace() for c in text))
     return text
 
 

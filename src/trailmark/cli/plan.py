@@ -174,7 +174,8 @@ def plan(
         begun = time.perf_counter()
         from trailmark.world.goals import Goal, goals_of
 
-        given, taken, near = options.RobotOptions(robot, turning_radius, forward_only, drive), list[str](), 0.0
+        given = options.RobotOptions(robot, turning_radius, forward_only, drive)
+        taken, nav2_tolerance = list[str](), 0.0
         if nav2_params is not None:
             from trailmark.world.nav2 import Nav2Parameters
 
@@ -182,7 +183,7 @@ def plan(
             given = given._replace(spec=robot or options.RobotSpec(found.robot.keeping(0.0), (nav2_params,)))
             clearance = found.robot.clearance or None if clearance is None else clearance
             unknown = found.unknown if unknown is None and options.is_nav2_map(world) else unknown
-            near = found.tolerance
+            nav2_tolerance = found.tolerance
             taken.extend(found.taken)
         inputs = [file for file in (settings, route_graph, keepout) if file is not None]
         loaded, body = given.load(world, (output, plot, trajectory, animate), inputs, keepout, unknown)
@@ -208,8 +209,10 @@ def plan(
             objective=Objective.of(objective, body, max_speed=speeds.speed, max_turn_rate=speeds.turn_rate),
         )
 
-        if near > 0.0 and goals_of(b) is None and not planner.checker.valid(b):  # type: ignore[arg-type]  # no goals: three numbers
-            b = (Goal(b, position_tolerance=near),)  # type: ignore[arg-type]  # as nav2: where the goal is not free
+        if nav2_tolerance > 0.0 and goals_of(b) is None:
+            near = Goal(b, position_tolerance=nav2_tolerance)  # type: ignore[arg-type]  # no goals: three numbers
+            free = planner.checker.valid(b)  # type: ignore[arg-type]  # as above
+            b = b if free else (near,)  # as nav2 does
 
         def follow(state: PlanProgress) -> None:
             progress.phase = state.phase

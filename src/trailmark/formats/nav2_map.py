@@ -112,9 +112,9 @@ def _fields(image: Path, file: MapFile, name: str, sources: tuple[Path, ...], bl
     def taken(pixels: Image) -> NDArray[np.bool_]:
         nonlocal unknown
         free = free_cells(pixels, file)
-        values, full, _ = _channels(pixels)
-        if file.mode != "raw" and not file.negate and file.free_thresh >= (255 - UNKNOWN) / 255 and full == 255:
-            unknown = int(np.count_nonzero(free & (values[..., :3] == UNKNOWN).all(axis=-1)))
+        if file.mode != "raw" and not file.negate and file.free_thresh >= (255 - UNKNOWN) / 255:
+            values, full, _ = _channels(pixels)
+            unknown = int(np.count_nonzero(free & (values[..., :3] == UNKNOWN).all(axis=-1))) if full == 255 else 0
         return free if blocked else free | _unknown_cells(pixels, file)
 
     free = pixels_of(image, taken)

@@ -1,7 +1,7 @@
 """Escape: the shortest way out of what the robot stands in, along which it is never deeper in it.
 
 Out of keep-out zones it is never deeper in any of them, so that each is closed once it is left, and clear of all else;
-out of obstacles, it is never deeper in any that hang together. The penetration depth is the length of the
+out of obstacles it is never deeper in any connected part of what blocks it. The penetration depth is the length of the
 shortest translation to a place where the robot is free (Dobkin, Hershberger, Kirkpatrick & Suri, "Computing the
 intersection-depth of polyhedra", Algorithmica 9, 1993). Along that very translation it falls by a metre for each metre:
 no place along it has a nearer way out, by the triangle inequality. A car or a differential drive does not move
@@ -84,7 +84,7 @@ def way_out(checker: StateChecker, q: FloatArray, seconds: float = 0.0) -> Float
     Args:
         checker: of the world and the robot.
         q: configuration, shape (3,).
-        seconds: to look for motions of who does not move sideways, if that is more than SECONDS.
+        seconds: to look for motions of a car or a differential drive; SECONDS at least.
     """
     if _moves_sideways(checker):
         return _shift_out(checker, q, checker)
@@ -137,7 +137,7 @@ class _Search:
         longest: that a straight motion is, metres.
         seconds_left: to look for ways out.
         regions: along and across whose edges who moves sideways may go.
-        others: tells where else the robot must not be; None: nowhere.
+        others: tells where else the robot collides; None: all that blocks it is in ``depths``.
         certified: whether motions over states (n, 3) may be taken.
     """
 
@@ -258,7 +258,7 @@ def _wrapped(states: FloatArray) -> FloatArray:
 
 
 def _blocked_near(checker: StateChecker, q: FloatArray, reach: float) -> list[Polygon]:
-    """Return all that blocks the robot within ``reach`` metres, what hangs together in one polygon."""
+    """Return the connected parts of all that blocks the robot within ``reach`` metres."""
     world, room = checker.world, reach + checker.robot.circumradius + checker.robot.clearance
     window = shapely.box(*(q[:2] - room), *(q[:2] + room))
     outside = shapely.difference(window, shapely.box(*world.bounds))
