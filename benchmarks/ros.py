@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.ros.interfaces import why_not
+from tests.slow.ros.interfaces import why_not
 
 from benchmarks.problems import data_folder
 from benchmarks.report import Claim, keep
@@ -45,7 +45,7 @@ def map_of(name: str) -> GridMap:
 def goals(name: str, robot: str, count: int) -> Claim:
     """Ask for paths between random poses; time them from the goal to the path on ``plan``."""
     from nav_msgs.msg import Path as PathMessage
-    from tests.ros.support import LATCHED, Client, name_space, running
+    from tests.slow.ros.support import LATCHED, Client, name_space, running
 
     grid, body = map_of(name), Robot.parse(ROBOTS[robot])
     checker = StateChecker(World.from_grid(grid.occupied, grid.resolution, grid.origin), body)
@@ -78,8 +78,8 @@ def goals(name: str, robot: str, count: int) -> Claim:
 
 def changes(seconds: float) -> list[Claim]:
     """Change a window of 200 x 200 cells of a map of 1,000 x 1,000 cells, 20 times a second."""
-    from tests.ros.support import Client, name_space, running
-    from tests.ros.test_attack import Judge
+    from tests.slow.ros.support import Client, name_space, running
+    from tests.slow.ros.test_attack import Judge
 
     space = name_space()
     with running(space, footprint=f"'{FOOTPRINT}'") as node:

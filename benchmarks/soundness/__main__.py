@@ -5,7 +5,7 @@
 
 A run that is stopped goes on where it was, if it is started again with the same seed on the same code (--folder
 keeps it; --fresh begins anew). Every wrong answer is kept as a case in the folder, with its world;
-tests/soundness/cases holds those that became tests. The exit status is 1 if there was one.
+tests/slow/soundness/cases holds those that became tests. The exit status is 1 if there was one.
 """
 
 from __future__ import annotations

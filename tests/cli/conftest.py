@@ -13,11 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import typer
+from tests.helpers.kernels import ready
 
 import trailmark
 from trailmark.cli import app, main
 from trailmark.errors import ConfigurationError
 from trailmark.planning import PlanResult
+
+__all__ = ["planner", "ready", "shell", "terminal", "yard"]
 
 WORLD = """\
 trailmark: 1
@@ -31,15 +34,6 @@ queries:
   - {name: across, start: [1.0, 1.0, 0.0], goal: [9.0, 5.0, 1.5]}
   - {name: back, start: [9.0, 5.0, 1.5], goal: [1.0, 1.0, 0.0]}
 """
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _compiled() -> None:
-    """Compile before any test looks at stderr, where compiling is told."""
-    from trailmark.planning.warmup import warm_up
-
-    warm_up()
-    warm_up("translation")
 
 
 @pytest.fixture(scope="session", autouse=True)

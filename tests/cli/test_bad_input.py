@@ -12,7 +12,7 @@ import pytest
 import typer
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.cli.logs import write_mrclam
+from tests.helpers.logs import write_mrclam
 
 from trailmark import plotting
 from trailmark.cli import options

@@ -24,7 +24,7 @@ Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "trailmark.cli", "benchmark"]
-HONEST = "tests.benchmark.rogues:honest"
+HONEST = "tests.helpers.rogues:honest"
 
 
 @pytest.fixture(autouse=True)

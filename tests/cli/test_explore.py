@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.exploration.made_exploration import ROOMS, made_exploration
+from tests.helpers.made_exploration import ROOMS, made_exploration
 
 from trailmark.exploration import Explorer
 from trailmark.exploration.result import FILES, Status, load_exploration, summary_of

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.benchmark.conftest import experiment, solved
-from tests.cli.logs import recorded
+from tests.helpers.logs import recorded
 from tests.helpers.made_results import random_results
+from tests.helpers.runs import experiment, solved
 from tests.helpers.trials import trials
 
 from trailmark.benchmark.errors import StoreError

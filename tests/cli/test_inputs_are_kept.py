@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from tests.cli.logs import recorded, write_mrclam
+from tests.helpers.logs import recorded, write_mrclam
 from tests.helpers.made_results import random_results
 
 from trailmark.estimation import save_log

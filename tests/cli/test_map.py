@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.cli.logs import POSTS, START, recorded, write_bag, write_mrclam
+from tests.helpers.logs import POSTS, START, recorded, write_bag, write_mrclam
 
 from trailmark.estimation import Pose, regrow, save_log
 from trailmark.shapes import Disc

@@ -2,9 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
-import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -105,27 +103,3 @@ def test_bad_scenarios_name_file_and_line(tmp_path: Path, row: str, problem: str
 def test_a_missing_scenario_file(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="cannot be read"):
         read_scenarios(tmp_path / "a.scen")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["8room_000", "Berlin_0_256"])
-def test_published_maps(shared_data: Path, name: str) -> None:
-    file = shared_data / "movingai" / f"{name}.map"
-    world = World.load(file)
-    rows = file.read_text().split("map\n", 1)[1].split()
-    height, width = len(rows), len(rows[0])
-    blocked = np.array([[cell not in ".GS" for cell in row] for row in rows])
-    y, x = np.indices((height, width))
-    union = shapely.union_all([shape.polygon().shapely() for shape in world.obstacles])
-    shapely.prepare(union)
-    assert np.array_equal(shapely.contains_xy(union, x + 0.5, height - y - 0.5), blocked)
-    assert sum(shape.area for shape in world.obstacles) == blocked.sum()
-    assert world.bounds == (0.0, 0.0, width, height)
-
-    scenarios = file.with_name(file.name + ".scen").read_text().splitlines()[1:]
-    assert [query.name for query in world.queries] == [str(i) for i in range(len(scenarios))]
-    for query, line in zip(world.queries, scenarios, strict=True):
-        sx, sy, gx, gy = map(int, line.split("\t")[4:8])
-        assert query.start == (sx + 0.5, height - sy - 0.5, 0.0)
-        assert query.goal == (gx + 0.5, height - gy - 0.5, 0.0)
-    assert not shapely.contains_xy(union, *np.array([query.start[:2] for query in world.queries]).T).any()

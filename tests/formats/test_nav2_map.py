@@ -299,27 +299,6 @@ def test_cells_too_small_to_tell_apart(tmp_path: Path, keys: dict[str, Any]) -> 
         World.load(write_map(tmp_path, grey([0, 254]), **keys))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "free_at_most", "origin"),
-    [("depot", "0.25", (0.0, 0.0, 0.0)), ("tb3_sandbox", "0.196", (-10.0, -10.0, 0.0))],
-)
-def test_published_maps(shared_data: Path, name: str, free_at_most: str, origin: tuple[float, float, float]) -> None:
-    world = World.load(shared_data / "nav2" / f"{name}.yaml")
-    assert ["8,894 cells" in note for note in world.notes] == ([True] if name == "depot" else [])
-    header, pixels = (shared_data / "nav2" / f"{name}.pgm").read_bytes().split(b"\n255\n", 1)
-    width, height = map(int, header.split(b"\n")[-1].split())
-    image = np.frombuffer(pixels, dtype=np.uint8).reshape(height, width)
-    free = np.array([Fraction(255 - v, 255) <= Fraction(free_at_most) for v in range(256)])[image]
-    points = pixel_centres((height, width), 0.05, origin)
-    assert np.array_equal(obstacles_at(world, points), ~free)
-    assert sum(shape.area for shape in world.obstacles) == pytest.approx((~free).sum() * 0.05**2, rel=1e-9)
-    assert world.bounds == pytest.approx((*origin[:2], origin[0] + width * 0.05, origin[1] + height * 0.05))
-    assert world.name == name
-    assert world.robot is None
-    assert world.boundary is None
-
-
 @pytest.mark.parametrize("mode", ["trinary", "scale"])
 def test_unknown_cells_that_a_threshold_makes_free_are_warned_of(tmp_path: Path, mode: str) -> None:
     picture = grey([205, 205, 254], [0, 205, 254])
@@ -415,24 +394,6 @@ def test_base_and_multiplier(tmp_path: Path) -> None:
     zones = PLAIN.with_mask(file, "speed", base=10.0, multiplier=1.0).zones
     limits = sorted(zone.limit for zone in zones if isinstance(zone, SpeedZone))
     assert limits == pytest.approx([0.3, 0.5, 1.0])  # 10 + 100 % is beyond the maximum: no limit
-
-
-def test_published_masks(shared_data: Path) -> None:
-    """Against the pixels themselves, at a sample of their centres."""
-    folder = shared_data / "nav2"
-    world = World.load(folder / "depot.yaml")
-    slow = world.with_mask(folder / "depot_speed.yaml", "speed")
-    closed = world.with_mask(folder / "depot_keepout.yaml")
-    assert {round(zone.limit, 9) for zone in slow.zones if isinstance(zone, SpeedZone)} == {0.5, 0.75, 0.8}
-    rng = np.random.default_rng(0)
-    for name, zones in (("speed", slow.zones), ("keepout", closed.zones)):
-        pixels = np.asarray(Image.open(folder / f"depot_{name}.pgm"))[::-1]
-        rows, columns = (rng.integers(n, size=2000) for n in pixels.shape)
-        inside = np.zeros(2000, bool)
-        for zone in zones:
-            inside |= shapely.contains_xy(zone.region.shapely(), 0.05 * (columns + 0.5), 0.05 * (rows + 0.5))
-        expected = np.isin(pixels[rows, columns], [127, 191, 205] if name == "speed" else [0])
-        assert np.array_equal(inside, expected)
 
 
 def test_what_is_no_mask_is_refused(tmp_path: Path) -> None:

@@ -1,13 +1,11 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
 
 from trailmark.errors import FormatError
 from trailmark.world import Query, World
@@ -180,45 +178,3 @@ def test_bad_problems(tmp_path: Path, old: str, new: str, problem_text: str) -> 
         World.load(file)
     assert problem_text in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def poses(rows: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """States along published rows, as OMPL interpolates them."""
-    pieces = []
-    for a, b in pairwise(rows):
-        turn = math.remainder(b[2] - a[2], 2.0 * math.pi)
-        t = np.linspace(0.0, 1.0, 2 + int(np.hypot(*(b - a)[:2]) / step))[:, None]
-        pieces.append(np.hstack([a[:2] + t * (b - a)[:2], a[2] + t * turn]))
-    return np.concatenate(pieces)
-
-
-def placed(outline: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.object_]:
-    cos, sin = np.cos(states[:, 2, None]), np.sin(states[:, 2, None])
-    x = states[:, :1] + cos * outline[:, 0] - sin * outline[:, 1]
-    y = states[:, 1:2] + sin * outline[:, 0] + cos * outline[:, 1]
-    return np.asarray(shapely.polygons(np.stack([x, y], axis=-1)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["Maze", "RandomPolygons"])
-def test_published_solutions_are_free(shared_data: Path, name: str) -> None:
-    world = World.load(shared_data / "omplapp" / f"{name}_planar.cfg")
-    states = poses(np.loadtxt(shared_data / "omplapp" / f"{name}_planar.path"), 0.02)
-    assert world.robot is not None
-    bodies = placed(world.robot.outline.vertices, states)
-    obstacles = region(world)
-    shapely.prepare(obstacles)
-    assert not shapely.intersects(obstacles, bodies).any()
-    if name == "Maze":  # but with theta the other way round some collide
-        turned = placed(world.robot.outline.vertices, states * (1.0, 1.0, -1.0))
-        assert shapely.intersects(obstacles, turned).any()
-    assert shapely.covers(shapely.box(*world.bounds), bodies).all()
-    assert world.name == name
-    assert world.queries[0].start == pytest.approx(states[0])
-
-
-@pytest.mark.slow
-def test_a_wall_that_lacks_its_roof_in_published_data(shared_data: Path) -> None:
-    """A roof triangle is missing in RandomPolygons, but the wall before the notch stands."""
-    world = World.load(shared_data / "omplapp" / "RandomPolygons_planar.cfg")
-    assert region(world).covers(shapely.LineString([(36.09739, -13.63669), (35.26931, -13.50349)]))

@@ -98,11 +98,6 @@ def test_what_cannot_be_written_is_refused_and_leaves_nothing(tmp_path: FilePath
     assert [p.name for p in tmp_path.iterdir()] == ["folder.csv"]
 
 
-def test_published_rows(shared_data: FilePath) -> None:
-    file = shared_data / "omplapp" / "Maze_planar.path"
-    assert np.allclose(read_any_path(file).states, np.loadtxt(file), atol=1e-12)
-
-
 STATES = np.array([[0.1, -2.0, 0.0], [1e-7, 3.5, 3.0], [1.0, 1.0, -3.0]])
 
 

@@ -83,19 +83,3 @@ def test_images_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     file = saved(tmp_path, Image.new("L", (8001, 8000)))
     with pytest.raises(FormatError, match="expected 1 to 64,000,000 cells, got 8001 x 8000"):
         World.load(file)
-
-
-@pytest.mark.slow
-def test_published_worlds(shared_data: Path) -> None:
-    files = sorted((shared_data / "explore").glob("ariadne_*.png"))
-    assert len(files) >= 15
-    for file in files[::5]:
-        world = World.load(file)
-        pixels = np.asarray(Image.open(file).convert("RGB")).astype(int)
-        assert np.array_equal(blocked(world, pixels.shape[:2]), (pixels == 127).all(axis=-1))
-        x, y, _ = world.query().start
-        marked = (pixels == [255, 216, 0]).all(axis=-1)
-        assert marked[pixels.shape[0] - 1 - int(y), int(x)]
-        rows, columns = np.nonzero(marked)
-        assert abs(int(x) - columns.mean()) <= 1.0
-        assert abs(pixels.shape[0] - 1 - int(y) - rows.mean()) <= 1.0

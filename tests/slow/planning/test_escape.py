@@ -1,0 +1,93 @@
+"""The way out of an obstacle: short, never deeper, free at its end; depths by shapely's own sums."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.helpers.trials import few, trials
+from tests.helpers.worlds import ROBOTS, random_world
+
+from trailmark import Disc, LandmarkPlanner, PlannerSettings, StateChecker, World
+from trailmark.motion import motion_of
+from trailmark.penetration import Penetration
+from trailmark.planning.escape import way_out
+from trailmark.trajectories import path_of
+from trailmark.world import Robot
+
+
+def depth_of(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
+    """Return how deep a robot is in the obstacle that it is deepest in, metres."""
+    # Most obstacles are too far off for any of the robot to be in them.
+    reach = float(np.hypot(*robot.outline.vertices.T).max())
+    low, high = states[:, :2].min(axis=0) - reach, states[:, :2].max(axis=0) + reach
+    boxes = np.array([shape.bounding_box() for shape in world.obstacles])
+    near = np.flatnonzero((boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1))
+    return np.asarray(np.max([Penetration(robot.footprint, world.obstacles[i]).at(states) for i in near], axis=0))
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset", "star"])
+def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
+    robot, rng, met = ROBOTS[name], np.random.default_rng(1), 0
+    for seed in trials(4, of=2):
+        world = random_world(seed, 30, size=40.0, discs=0.3)
+        checker = StateChecker(world, robot)
+        q = np.column_stack([rng.uniform(3, 37, (200, 2)), rng.uniform(-3, 3, 200)])
+        for start in q[~checker.valid(q)][:12]:
+            out = way_out(checker, start)
+            assert out is not None
+            assert np.array_equal(out[0], start)
+            assert checker.valid(out[-1])
+            assert out[-1, 2] == start[2]
+            states = start + np.linspace(0.0, 1.0, 40)[:, None] * (out[-1] - start)
+            length = float(np.hypot(*(out[-1] - start)[:2]))
+            depths = depth_of(world, robot, states)
+            # Alone, each obstacle is no deeper than all of them together, whose depth falls from the length to 0.
+            together = length * (1.0 - np.linspace(0.0, 1.0, 40))
+            assert (depths <= together + 1e-4).all()
+            met += 1
+    assert met > few(20, of=2)
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reverse: bool) -> None:
+    robot, rng, met = Robot.rectangle(1.0, 0.4).differential(reverse=reverse), np.random.default_rng(2), 0
+    for seed in trials(4, of=2):
+        world = random_world(seed, 30, size=40.0, discs=0.3)
+        checker = StateChecker(world, robot)
+        motion = motion_of(checker)
+        q = np.column_stack([rng.uniform(3, 37, (300, 2)), rng.uniform(-3, 3, 300)])
+        for start in q[~checker.valid(q)][: few(25, of=2)]:
+            out = way_out(checker, start)
+            if out is None:
+                continue
+            assert checker.valid(out[-1])
+            driven = path_of(motion, out)
+            depths = depth_of(world, robot, driven.resample(0.02).states)
+            assert depths.max() <= depths[0] + 1e-4
+            met += 1
+    assert met > few(20)
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "car"])
+def test_replanning_leads_out_first(name: str) -> None:
+    robot = ROBOTS["rectangle"].steered(2.0) if name == "car" else ROBOTS[name]
+    world = World("field", (0.0, 0.0, 40.0, 20.0))
+    planner = LandmarkPlanner(world, robot, seed=0, settings=PlannerSettings(patience=1))
+    start, goal = np.array([5.0, 10.0, 0.0]), np.array([35.0, 10.0, 0.0])
+    path = planner.plan(start, goal).path
+    assert path is not None
+    planner.update(world.edited(add=[Disc((5.9, 10.3), 0.5)]))
+    stuck = planner.replan(start, goal, path)
+    assert (stuck.status, stuck.escape) == ("infeasible", 0)
+    result = planner.replan(start, goal, path, time_limit=10.0, escape=True)
+    assert (result.status, result.kept) == ("solved", False)
+    assert result.escape >= 1
+    assert "leads out first" in result.reason
+    assert result.path is not None
+    assert np.array_equal(result.path.states[0], start)
+    assert np.array_equal(result.path.states[-1], goal)
+    places = result.path.resample(0.02).states
+    valid = planner.checker.valid(places)
+    # Once it is out it stays out.
+    assert not valid[0]
+    assert valid[np.argmax(valid) :].all()
