@@ -116,7 +116,6 @@ def placed(outline: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray
 def test_published_solutions_are_free(shared_data: Path, name: str) -> None:
     world = World.load(shared_data / "omplapp" / f"{name}_planar.cfg")
     states = poses(np.loadtxt(shared_data / "omplapp" / f"{name}_planar.path"), 0.02)
-    assert world.robot is not None
     bodies = placed(world.robot.outline.vertices, states)
     obstacles = region(world)
     assert not shapely.intersects(obstacles, bodies).any()

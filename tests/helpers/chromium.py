@@ -37,9 +37,7 @@ def server(world: World) -> Iterator[str]:
         words = [sys.executable, "-m", "trailmark.cli", "live", f"{folder}/world.yaml", "--port", "0", "--no-browser"]
         with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
             try:
-                assert process.stdout is not None
                 found = re.search(r"http://\S+", process.stdout.readline())
-                assert found is not None
                 yield found[0]
             finally:
                 process.terminate()

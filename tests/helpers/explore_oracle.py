@@ -73,7 +73,6 @@ class Truth(NamedTuple):
 
 def truth_of(world: World, max_range: float) -> Truth:
     """Return the truth about a world with a robot and a query, for a sensor that sees all around."""
-    assert world.robot is not None
     room = shapely.box(*world.bounds)
     shapes = [shape.polygon(ROUNDNESS).shapely() for shape in world.obstacles]
     if world.boundary is not None:  # what lies outside is solid
@@ -111,7 +110,6 @@ def seen_share(truth: Truth, state: NDArray[np.uint8], origin: tuple[float, floa
 
 def overlaps(truth: Truth, world: World, poses: FloatArray) -> int:
     """Return in how many poses, shape (n, 3), the robot reaches into an obstacle or over the bounds by over 1 mm."""
-    assert world.robot is not None
     outline = world.robot.outline.vertices
     cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
     x = poses[:, :1] + cos * outline[:, 0] - sin * outline[:, 1]

@@ -135,7 +135,6 @@ KINDS: dict[str, Callable[[np.random.Generator], tuple[tuple[float, float, float
 
 def _start(world: World, rng: np.random.Generator) -> NDArray[np.float64]:
     """Return a place in the largest part of where a disc around the robot fits."""
-    assert world.robot is not None
     reach = 1.05 * world.robot.circumradius + 0.05
     solids = shapely.union_all([shape.polygon(1e-3).shapely() for shape in world.obstacles])
     free: Any = shapely.box(*world.bounds).buffer(-reach).difference(solids.buffer(reach))

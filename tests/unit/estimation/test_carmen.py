@@ -200,7 +200,6 @@ def test_bad_lines(tmp_path: Path, line: str, problem: str) -> None:
         load(path, *GOOD, line)
     assert str(caught.value).startswith(f"{path}:4: ")
     assert problem in str(caught.value)
-    assert "\n" not in str(caught.value)
     log = load(path, *GOOD, line, skip_bad=True)
     assert (len(log.records), log.dropped) == (len(load(path, *GOOD).records), 1)
 

@@ -16,6 +16,7 @@ from trailmark.estimation import (
     EstimationError,
     PoseIncrement,
     RangeBearing,
+    SlamFilter,
     SlamSettings,
     Unicycle,
     ekf_slam,
@@ -188,6 +189,12 @@ def test_outliers_of_a_known_identity() -> None:
     assert np.abs(worse).max() > 2.0 * np.abs(error).max()
 
 
+def seeing() -> SlamFilter:
+    ekf = SlamFilter()
+    ekf.add_known_feature([1.0, 2.0], np.eye(2))
+    return ekf
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -198,6 +205,9 @@ def test_outliers_of_a_known_identity() -> None:
         (lambda: slam().run([Odometry(0.0, np.inf, 0.0), Odometry(1.0, 0.0, 0.0)]), "finite"),
         (lambda: SlamSettings(association="closest"), "expected auto, joint, known"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: EkfSlam(SENSOR, settings=SlamSettings("auto")), "expected settings without 'auto'"),
+        (lambda: SlamFilter(np.zeros((2, 3))), r"pose: expected shape \(3,\), got \(2, 3\)"),
+        (lambda: seeing().update_batch(np.ones((2, 2)), SENSOR, [0, 0]), "expected one reading of each feature"),
+        (lambda: seeing().update([1.0, 0.0], SENSOR, 7), "feature: expected the id of one of the 1 features, got 7"),
     ],
 )
 def test_misuse(call: Callable[[], object], message: str) -> None:

@@ -134,7 +134,6 @@ def test_bad_lines(tmp_path: Path, line: str, problem: str) -> None:
         load_log(path)
     assert str(caught.value).startswith(f"{path}:4: ")
     assert problem in str(caught.value)
-    assert "\n" not in str(caught.value)
     log = load_log(path, skip_bad=True)
     assert (len(log.records), log.dropped) == (2, 1)
 

@@ -70,7 +70,6 @@ def test_detections_become_discs_with_their_covariances() -> None:
     settings = MapSettings(radius=RADIUS, radius_sigma=0.02, start=START, velocity=Unicycle(0.01, 0.01, period=1.0))
     mapped = map_log(recorded(), settings, robot=ROBOT)
     assert (mapped.poses, mapped.association) == ("slam", "known")
-    assert mapped.slam is not None
     truth = {int(i): np.array([x, y]) for i, x, y in recorded().landmarks}
     assert {feature.identity for feature in mapped.slam.features} == set(truth)
     found = np.array([feature.mean for feature in mapped.slam.features])
@@ -93,7 +92,6 @@ def test_detections_become_discs_with_their_covariances() -> None:
 @pytest.mark.slow
 def test_confidence_grows_and_the_covariances_are_kept() -> None:
     plain, surer = (map_log(recorded(), robot=ROBOT, confidence=c).world for c in (None, 0.99))
-    assert surer.risk is not None
     assert surer.risk.confidence == 0.99
     for before, after in zip(plain.obstacles, surer.obstacles, strict=True):
         assert after.polygon(1e-4).shapely().buffer(2e-4).covers(before.polygon(1e-4).shapely())
@@ -101,8 +99,7 @@ def test_confidence_grows_and_the_covariances_are_kept() -> None:
     wider = regrow(surer, 0.999)
     assert all(b.area > a.area for a, b in zip(surer.obstacles, wider.obstacles, strict=True))
     errs = map_log(recorded(), MapSettings(robot_sigma=(0.1, 0.05)), robot=ROBOT, confidence=0.99).world
-    assert errs.risk is not None
-    np.testing.assert_allclose(np.diag(errs.risk.pose_covariance), [0.01, 0.01, 0.0025])  # type: ignore[arg-type]  # it is there
+    np.testing.assert_allclose(np.diag(errs.risk.pose_covariance), [0.01, 0.01, 0.0025])
     assert all(b.area > a.area for a, b in zip(surer.obstacles, errs.obstacles, strict=True))
 
 
@@ -205,7 +202,6 @@ def test_misread_identities_are_refused_be_they_few_or_many_or_the_first(every: 
             seen.add(record.identity)
         records.append(record)
     mapped = map_log(log._replace(records=tuple(records)), MapSettings(start=START))
-    assert mapped.slam is not None
     assert low < mapped.slam.counts.outliers / count <= high
     found = np.array([disc.center for disc in discs(mapped.world)])
     assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
@@ -235,7 +231,6 @@ def test_whole_second_stamps_change_nothing(velocities: bool) -> None:
         found = map_log(Log("log", tuple(records), np.empty((0, 3))))
         centers = np.array([disc.center for disc in discs(found.world)])
         off[tick] = max(float(np.hypot(*(centers - mark).T).min()) for mark in marks.values())
-        assert found.slam is not None
         assert found.slam.counts.repeated == 0
     assert off[1.0] == pytest.approx(off[0.1], abs=1e-6)
     assert off[0.1] < 0.1

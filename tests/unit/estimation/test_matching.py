@@ -50,7 +50,6 @@ AREA = area_of(OFFICE, [[1.5, 2.0, 0.3], [2.5, 3.0, 0.0], [3.0, 2.0, 2.5]])
 
 def match(area: LocalMap, cloud: PointCloud, guess: FloatArray) -> FloatArray:
     found = search(area, cloud.points, guess, WINDOW)
-    assert found is not None
     return refine(area, cloud, found.pose).pose
 
 
@@ -103,7 +102,6 @@ def test_the_direction_of_a_corridor_is_left_open() -> None:
     cloud = scan_of(turned, pose.tolist(), 2)
     information = np.diag([1.0 / 0.1**2, 1.0 / 0.1**2, 1.0 / 0.1**2])
     first = search(area, cloud.points, guess, WINDOW, information=information)
-    assert first is not None
     found = refine(area, cloud, first.pose, information=information, guess=guess).pose
     assert abs(across @ (found - pose)[:2]) < 0.03
     assert abs(along @ (found - guess)[:2]) < 0.1
@@ -123,7 +121,6 @@ def test_beams_that_lie_metres_apart_do_not_hold_a_scan_along_a_corridor(gap: fl
         )
         area, guess = local_map(before, gap=gap), true + sigma * rng.normal(size=3)
         first = search(area, now.points, guess, WINDOW, information=np.diag(1.0 / sigma**2))
-        assert first is not None
         found = refine(area, now, first.pose, information=0.01 * np.diag(1.0 / sigma**2), guess=guess).pose
         covariance, opens = match_covariance(area, now.points, found, scatter=0.01)
         assert opens == is_open
@@ -141,7 +138,6 @@ def test_the_search_finds_the_best_of_all_poses() -> None:
     points = scan_of(OFFICE, true.tolist(), 5).points[::6]
     guess, window = np.add(true, [0.21, -0.17, 0.06]), Window(0.4, 0.1)
     found = search(AREA, points, guess, window)
-    assert found is not None
     step = AREA.cell / min(max(np.quantile(np.hypot(*points.T), 0.9), 1.0), 20.0)
     best = 0.0
     for turn in np.arange(-math.ceil(0.1 / step), math.ceil(0.1 / step) + 1) * step:

@@ -103,7 +103,6 @@ def test_bad_rows(tmp_path: Path, name: str, text: str, problem: str) -> None:
     with pytest.raises(FormatError) as caught:
         load_log(path)
     assert str(caught.value).startswith(f"{path / name}.dat{problem}")
-    assert "\n" not in str(caught.value)
     log = load_log(path, skip_bad=True)
     assert log.dropped == 1
     # The truncated row of the first case was one of the good ones.

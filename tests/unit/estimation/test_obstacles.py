@@ -88,6 +88,7 @@ def test_what_nobody_saw_is_blocked_or_free_as_asked() -> None:
     assert shapely.distance(free, shapely.LineString(drive()[:, :2])).min() > 0.25
 
 
+@pytest.mark.slow
 def test_walls_stand_where_they_are_within_what_they_are_known_by() -> None:
     found = mapped()
     assert found.walls >= 8
@@ -95,7 +96,6 @@ def test_walls_stand_where_they_are_within_what_they_are_known_by() -> None:
     faces = [(0, 0.0), (0, 10.0), (1, 0.0), (1, 5.0), (0, 4.9), (0, 5.1)]
     met = set()
     for estimate, readings in zip(found.world.estimates[: found.walls], found.readings, strict=False):
-        assert estimate is not None
         wall = estimate.mean
         assert isinstance(wall, Rectangle)
         assert len(estimate.covariance) == 3
@@ -110,7 +110,6 @@ def test_walls_stand_where_they_are_within_what_they_are_known_by() -> None:
         assert shapely.distance(front, shapely.points(readings)).max() < 0.1
     assert met == set(faces)
     (post,) = found.world.estimates[found.walls : found.walls + found.discs]
-    assert post is not None
     assert isinstance(post.mean, Disc)
     assert (*post.mean.center, post.mean.radius) == pytest.approx((7.5, 3.5, 0.25), abs=0.03)
     assert post.covariance.shape == (3, 3)
@@ -119,7 +118,6 @@ def test_walls_stand_where_they_are_within_what_they_are_known_by() -> None:
 @pytest.mark.slow
 def test_the_door_is_open_and_passable_when_grown(tmp_path: Path) -> None:
     world = map_scans(scans(), settings=SETTINGS, robot=Robot.disc(0.2), confidence=0.99).world
-    assert world.risk is not None
     assert world.risk.confidence == 0.99
     assert math.fsum(e.share or 0.0 for e in world.estimates if e is not None) == pytest.approx(1.0)
     door = shapely.LineString([(4.5, 2.5), (5.5, 2.5)])

@@ -196,7 +196,6 @@ def test_a_discs_covariance_is_that_of_its_errors() -> None:
     errors, stated = [], []
     for _ in range(300):
         fit = fit_disc(true + drawn(rng, covariances), covariances)
-        assert fit is not None
         errors.append(fit.disc - [3.0, 1.0, 0.4])
         stated.append(fit.covariance)
     assert average(nees(errors, stated), 3.0, probability=0.999).inside

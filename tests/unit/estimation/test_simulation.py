@@ -47,7 +47,6 @@ def times_and_poses(simulation: Simulation) -> dict[float, FloatArray]:
 
 def line_of_sight(world: World, pose: FloatArray, disc: Disc, skip: int) -> bool:
     """Whether nothing but the disc itself lies on the way to its near side; shapely regions, made a little smaller."""
-    assert world.boundary is not None
     sight = np.array(disc.center) - pose[:2]
     near = pose[:2] + sight * max(0.0, 1.0 - disc.radius / math.hypot(*sight))
     line = shapely.LineString([pose[:2], near])

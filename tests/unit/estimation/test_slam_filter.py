@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
-from trailmark.estimation import EstimationError, PoseIncrement, RangeBearing, SlamFilter, Unicycle
+from trailmark.estimation import PoseIncrement, RangeBearing, SlamFilter, Unicycle
 from trailmark.estimation.slam_filter import carried, moved
 
 FloatArray = NDArray[np.float64]
@@ -127,34 +125,6 @@ def test_ids_stay_when_others_go() -> None:
     assert ekf.feature_covariance(ids[3])[1, 1] == 3.0
     assert len(ekf.x) == 9
     assert ekf.add_known_feature([9.0, 9.0]) not in ids
-
-
-def slam() -> SlamFilter:
-    ekf = SlamFilter()
-    ekf.add_known_feature([1.0, 2.0], np.eye(2))
-    return ekf
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: SlamFilter((0, 0, 0), np.eye(2)), r"expected a finite covariance of shape \(3, 3\)"),
-        (lambda: SlamFilter((0, 0, 0), -np.eye(3)), "positive semidefinite"),
-        (lambda: SlamFilter(np.zeros((2, 3))), r"pose: expected shape \(3,\), got \(2, 3\)"),
-        (lambda: slam().update([1.0, 0.0], SENSOR, 7), "feature: expected the id of one of the 1 features, got 7"),
-        (lambda: slam().remove_feature(7), "feature: expected the id of one of the 1 features, got 7"),
-        (lambda: slam().update([np.nan, 0.0], SENSOR, 0), "finite"),
-        (lambda: slam().update([1.0, 0.0, 0.0], SENSOR, 0), "finite numbers of shape"),
-        (lambda: slam().update([1.0, 0.0], SENSOR, 0, -9 * np.eye(2)), "positive semidefinite"),
-        (lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]), "expected one reading of each feature"),
-        (lambda: slam().add_feature([np.inf, 0.0], SENSOR), "finite numbers of shape"),
-        (lambda: slam().add_known_feature([np.inf, 0.0]), "finite numbers"),
-        (lambda: slam().predict(MOTION, [np.nan, 0.0, 1.0]), "odometry"),
-    ],
-)
-def test_misuse(call: Callable[[], object], message: str) -> None:
-    with pytest.raises(EstimationError, match=message):
-        call()
 
 
 def everything_turned(ekf: SlamFilter) -> FloatArray:

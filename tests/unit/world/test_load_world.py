@@ -1,14 +1,15 @@
+"""Worlds by file, whose content tells the format, and by name."""
+
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from tests.helpers.oracles import Oracle
 
-from trailmark.errors import FormatError, TrailmarkError
-from trailmark.world import World
-from trailmark.world.world_file import read_world
+from trailmark import FormatError, World
+from trailmark.world.library import find_world, shipped_worlds
 
 KNOWN = (
     "expected trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map "
@@ -54,32 +55,47 @@ def test_unknown_content(tmp_path: Path, content: bytes, problem: str) -> None:
         World.load(file)
     assert str(caught.value).startswith(str(file))
     assert problem in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
-def test_missing_files_and_directories(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match=r"none\.yaml: cannot be read: No such file or directory$"):
-        read_world(tmp_path / "none.yaml")
-    with pytest.raises(FormatError, match=r": cannot be read: Is a directory$"):
-        read_world(tmp_path)
+NAMES = list(shipped_worlds())
 
 
-SEEDS = (YAML, GRID, INI + "robot = a.dae\nworld = b.dae\nstart.x = 1\n", "image: a.png\nresolution: 0.1\n")
+@pytest.fixture(scope="module", params=NAMES)
+def world(request: pytest.FixtureRequest) -> World:
+    return World.load(shipped_worlds()[request.param])
 
 
-@given(
-    st.sampled_from(SEEDS), st.lists(st.tuples(st.integers(0, 80), st.integers(0, 5), st.text(max_size=5)), max_size=4)
-)
-def test_damaged_files_give_a_world_or_one_line(
-    tmp_path_factory: pytest.TempPathFactory, text: str, edits: list[tuple[int, int, str]]
-) -> None:
-    for at, cut, put in edits:
-        text = text[:at] + put + text[at + cut :]
-    file = tmp_path_factory.getbasetemp() / "damaged"
-    file.write_bytes(text.encode("utf-8", "surrogatepass"))
-    message = "a world"
-    try:
-        World.load(file)
-    except TrailmarkError as error:
-        message = str(error)
-    assert len(message.splitlines()) == 1
+def test_name_and_queries(world: World) -> None:
+    assert world.name in NAMES
+    assert world.robot is not None
+    assert 1 <= len(world.queries) <= 4
+    assert all(query.name.startswith("infeasible") == (world.name == "enclosed") for query in world.queries)
+
+
+def test_starts_and_goals_keep_clear(world: World) -> None:
+    assert world.robot is not None
+    ends = np.array([end for query in world.queries for end in (query.start, query.goal)])
+    assert Oracle(world, world.robot).clearance(ends).min() > 0.09
+
+
+def test_file_wins_over_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("office").write_text("mine")
+    assert find_world("office").read_text() == "mine"
+    assert find_world(tmp_path / "office") == tmp_path / "office"
+
+
+def test_folder_does_not_win_over_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("office").mkdir()
+    assert find_world("office") == shipped_worlds()["office"]
+
+
+@pytest.mark.parametrize("name", ["ofice", "ofice.yaml", "nowhere/ofice.yaml"])
+def test_unknown_name_gets_suggestion(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        FormatError, match=rf"^{name}: no such file or shipped world; expected .*'office'\?\)$"
+    ) as caught:
+        find_world(name)
+    assert "expected bugtrap, clutter" in str(caught.value)
