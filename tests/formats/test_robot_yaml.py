@@ -86,9 +86,3 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path, text: str, problem:
         read(tmp_path, text)
     assert problem in str(caught.value)
     assert "params.yaml" in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="cannot be read: No such file"):
-        Robot.load(tmp_path / "none.yaml")
