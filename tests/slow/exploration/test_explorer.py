@@ -48,10 +48,8 @@ def check(result: ExplorationResult, world: World, seen: float, sensor_range: fl
     """So much of what shapely says can be seen is known, what is free holds nothing, and nothing was run into."""
     truth, known = truth_of(world, sensor_range), result.known
     assert seen_share(truth, known.state, known.origin, known.cell) >= seen
-    assert result.evaluation is not None
     assert result.evaluation.seen > seen - 0.02
     assert result.evaluation.collisions == 0
-    assert result.robot_state is not None
     assert overlaps(truth, world, np.array(result.robot_state["truth"])[:, 1:]) == 0
     # A corner between two beams may be cut.
     assert not shapely.contains_xy(
@@ -116,7 +114,6 @@ def test_what_only_a_finer_map_could_tell_is_said() -> None:
         settings = ExplorationSettings(cell=cell, sense_period=0.3)
         result = Explorer(world, sensor_range=4.0, noise=0.0, settings=settings).run()
         assert result.status == status
-        assert result.evaluation is not None
         assert result.evaluation.collisions == 0
         if cell > 0.02:
             assert result.evaluation.seen < 0.95  # some of the other room, through the gap
@@ -348,6 +345,5 @@ def test_a_robot_that_cannot_drive_backwards_goes_nowhere_where_it_cannot_turn_r
     world, settings = World("hall", (0.0, 0.0, 4.5, 2.0), corridor, robot), replace(SETTINGS, cell=0.04)
     result = explorer(world, start=(1.0, 1.0, 0.0), sensor_range=1.5, settings=settings).run()
     assert result.status.startswith("complete")
-    assert result.evaluation is not None
     assert result.evaluation.collisions == 0
     assert (max(progress.pose[0] for progress in result.history) > 2.5) == reverse

@@ -32,7 +32,6 @@ def test_a_run_is_measured(name: str, certified: bool) -> None:
     run = measure(posed, name, 0.2)
     assert run.exact
     assert run.status == 6
-    assert run.path is not None
     np.testing.assert_allclose(run.path.states[[0, -1]], [posed.start, posed.goal], atol=1e-9)
     assert all(a[0] < b[0] and a[1] > b[1] for a, b in pairwise(run.curve))
     assert run.curve[-1][1] == pytest.approx(run.path.cost, rel=1e-5)

@@ -34,7 +34,6 @@ def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
         q = np.column_stack([rng.uniform(3, 37, (200, 2)), rng.uniform(-3, 3, 200)])
         for start in q[~checker.valid(q)][:12]:
             out = way_out(checker, start)
-            assert out is not None
             assert np.array_equal(out[0], start)
             assert checker.valid(out[-1])
             assert out[-1, 2] == start[2]
@@ -83,7 +82,6 @@ def test_replanning_leads_out_first(name: str) -> None:
     assert (result.status, result.kept) == ("solved", False)
     assert result.escape >= 1
     assert "leads out first" in result.reason
-    assert result.path is not None
     assert np.array_equal(result.path.states[0], start)
     assert np.array_equal(result.path.states[-1], goal)
     places = result.path.resample(0.02).states

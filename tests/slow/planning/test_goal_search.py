@@ -65,14 +65,10 @@ def plan(
     result = planner.plan(start, goals, seconds, max_iterations=rounds, gap=gap)
     if result.path is None:
         return result
-    assert world.robot is not None
-    assert result.goal is not None
     goal, states = goals[result.goal.index], result.path.states
     assert goal.contains(states[-1])
     assert result.goal.pose == tuple(states[-1])
     assert result.goal.cost == goal.cost
-    assert result.lower_bound is not None
-    assert result.cost is not None
     assert result.cost == pytest.approx(result.path.cost + goal.cost, abs=1e-12)
     assert result.lower_bound <= result.cost * (1 + 1e-9)
     assert [cost for _, cost in result.history] == sorted({cost for _, cost in result.history}, reverse=True)
@@ -118,7 +114,6 @@ def test_a_path_ends_within_its_goal(name: str, robot: str) -> None:
     # It costs no more than planning to where one would guess.
     if goal.pose is not None:
         guess = np.array([*goal.pose, START[2]])[:3]
-        assert result.cost is not None
         assert result.cost <= 1.02 * cost_to(robot, *guess.tolist())
 
 
@@ -135,8 +130,6 @@ def test_the_best_goal_is_chosen_as_by_planning_to_each() -> None:
         each = [planner.plan(START, q, 0.3) for q in poses]
         costs = [np.inf if r.cost is None else r.cost + g.cost for r, g in zip(each, goals, strict=True)]
         bounds = [(r.lower_bound or np.inf) + g.cost for r, g in zip(each, goals, strict=True)]
-        assert result.cost is not None
-        assert result.lower_bound is not None
         assert result.lower_bound <= min(costs) * (1 + 1e-9)
         assert result.cost >= min(bounds) * (1 - 1e-9)
         wrong += result.cost > 1.02 * min(costs)
@@ -155,7 +148,6 @@ def test_it_is_infeasible_only_if_each_goal_is() -> None:
 def test_goals_that_are_not_valid_are_left_out_or_refused() -> None:
     world, wall, free = room(), (5.0, 4.0, 0.0), (8.5, 2.0, 1.0)
     result = plan(world, Goal(wall), Goal((20.0, 2.0, 0.0)), Goal(free), seconds=0.5)
-    assert result.goal is not None
     assert result.goal.index == 2
     planner = LandmarkPlanner(world, seed=0)
     with pytest.raises(ConfigurationError, match=r"^goal \(5, 4, 0\) is not valid"):
@@ -174,7 +166,6 @@ def test_a_point_that_nothing_leads_to_is_proven_so_whatever_the_heading(robot: 
     assert plan(world, Goal(pose=(7.3, 8.2)), seconds=2.0).status == "infeasible"
     several = plan(world, Goal(pose=(7.3, 8.2)), Goal(pose=(2.0, 6.0)))
     assert several.status == "solved"
-    assert several.goal is not None
     assert several.goal.index == 1
 
 
@@ -192,8 +183,6 @@ def test_it_leads_to_another_goal_where_its_own_is_blocked() -> None:
     assert path is not None
     plans.update(plans.world.edited(add=[Disc((5.0, 1.0), 0.8)]))
     result = plans.replan(START, [NEAR, FAR], path, improvement=0.1)
-    assert result.path is not None
-    assert result.goal is not None
     assert result.goal.index == 1
     assert FAR.contains(result.path.states[-1])
     assert "blocked" in result.reason

@@ -64,15 +64,11 @@ def test_the_right_way_is_direct_and_the_wrong_way_leads_around(name: str) -> No
     right = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, 0.0, 0.5),))
     wrong = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, math.pi, 0.5),))
     direct, around = first_path(right, ROBOTS[name]), first_path(wrong, ROBOTS[name])
-    assert direct.path is not None
     assert direct.path.length == pytest.approx(12.0, abs=0.05)
     assert around.status == "solved"
-    assert around.path is not None
     assert around.path.length > 13.0
     for world, result in ((right, direct), (wrong, around)):
-        assert result.path is not None
         assert_right_way(world, result.path)
-        assert result.lower_bound is not None
         assert result.lower_bound <= result.path.cost + 1e-9
 
 
@@ -82,13 +78,10 @@ def test_the_way_back_is_another_one() -> None:
     planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)
     for start, goal, length in ((START, GOAL, 12.0), (GOAL, START, 14.0), (START, GOAL, 12.0)):
         path = planner.plan(start, goal, time_limit=60.0, gap=np.inf).path
-        assert path is not None
         assert_right_way(world, path)
         assert abs(path.length - length) < 2.5
     planner.build(200)
     there, back = planner.plan_many([START, GOAL], [GOAL, START], time_limit=20.0, max_iterations=2)
-    assert there.path is not None
-    assert back.path is not None
     for result in (there, back):
         assert result.path is not None
         assert_right_way(world, result.path)

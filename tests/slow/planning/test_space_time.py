@@ -113,7 +113,6 @@ def test_a_path_passes_what_crosses_it(world: World, name: str) -> None:
     robot, speed = ROBOTS[name], 2.0
     planner = LandmarkPlanner(world, robot, seed=0)
     path = planner.plan(START, GOAL, time_limit=5.0, max_iterations=2).path
-    assert path is not None
     # Where the robot is after 4 s, there the obstacle is too.
     meeting = path.at(8.0 / path.cost)
     crossing = Moving(Disc((float(meeting[0]), float(meeting[1]) - 8.0), 0.8), (0.0, 2.0), 8.0)
@@ -123,7 +122,6 @@ def test_a_path_passes_what_crosses_it(world: World, name: str) -> None:
     assert (result.status, result.kept) == ("solved", False)
     assert "moving" in result.reason
     check(result, changed, robot, speed, START, GOAL)
-    assert result.cost is not None
     assert result.cost < 1.15 * path.cost
     # It goes on with that path while the obstacle does as foreseen.
     assert result.path is not None
@@ -157,7 +155,6 @@ def test_no_way_out_says_so_and_gives_the_steps_that_last_longest() -> None:
     result = planner.replan(START, GOAL, Path(np.array([START, GOAL])), speed=speed)
     assert result.path is None
     assert "no path was found" in result.reason
-    assert result.nearest is not None
     assert least_gap(robot, result.nearest.states, speed, [wall]) > 0.0
     planner.update(FIELD.edited(add=[Moving(Disc((2.0, 10.0), 1.0), (1.0, 0.0), 3.0)]))
     result = planner.replan(START, GOAL, Path(np.array([START, GOAL])), speed=speed)

@@ -8,11 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.helpers.trials import pairs
 
 from trailmark.collision import StateChecker
 from trailmark.collision.fcl_scene import FclScene
-from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
 
@@ -106,41 +104,6 @@ def test_a_spike_beyond_the_end_of_a_narrow_notch() -> None:
     for depth, valid in ((4e-6, False), (-1e-5, True), (0.0, True)):
         world = World("w", (0, 0, 10, 10), (Polygon(spike - (0.0, depth)),))
         assert StateChecker(world, robot).valid((5.0, 5.0, 0.0)) is valid
-
-
-def lattice_world(occupied: np.ndarray, origin: FloatArray, rng: np.random.Generator) -> World:
-    """Return unit squares at the occupied cells, in random order and sense, with shared edges and corners."""
-    cells = np.argwhere(occupied)
-    rng.shuffle(cells)
-    squares = [Polygon((SQUARE if rng.random() < 0.5 else SQUARE[::-1]) + cell + origin) for cell in cells]
-    size = np.array(occupied.shape)
-    return World("lattice", (*origin, *(origin + size)), tuple(squares))
-
-
-CELLS = [None, 0.5, 7 / (16 - 0.8137), 3 / (9 - 0.8137)]
-ORIGINS = [(0.0, 0.0), (-7.0, 3.0), (0.1, 0.3), (1e5, -1e5)]
-LATTICES = pairs(CELLS, ORIGINS, of=4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("cell", "origin"), LATTICES)
-def test_squares_that_share_edges_and_corners(cell: float | None, origin: tuple[float, float]) -> None:
-    n, rng = 12, np.random.default_rng(8)
-    shift = np.array(origin)
-    for density, (length, width) in ((0.15, (2.0, 1.0)), (0.4, (1.0, 1.0)), (0.7, (0.5, 0.5)), (0.3, (1.0, 0.5))):
-        occupied = rng.random((n, n)) < density
-        checker = StateChecker(lattice_world(occupied, shift, rng), Robot.rectangle(length, width), cell=cell)
-        # All centres and edges lie on quarters, so the expected verdict is a matter of whole numbers.
-        at, quarter = rng.integers(0, 4 * n + 1, (300, 2)), rng.integers(-1, 3, 300)
-        half = np.where(quarter[:, None] % 2 == 0, (length, width), (width, length)) / 2
-        for nudge in (0.0, 1e-5, -1e-5):
-            low, high = at / 4 - half + nudge, at / 4 + half + nudge
-            expected = np.all((low >= 0) & (high <= n), axis=1)
-            first, last = np.floor(low).astype(int), np.ceil(high).astype(int)
-            for i in np.flatnonzero(expected):
-                expected[i] = not occupied[first[i, 0] : last[i, 0], first[i, 1] : last[i, 1]].any()
-            q = np.column_stack([at / 4 + nudge + shift, quarter * math.pi / 2])
-            assert (checker.valid(q) == expected).all()
 
 
 @pytest.mark.parametrize("half", [5.0, 0.5, 0.05, 0.01])

@@ -116,7 +116,6 @@ def test_the_way_back_is_driven_through_what_the_map_takes_for_closed_by_a_cell_
     there[:, :10] = True
     known.set_state(state)
     back = way_back_to(there, driven, known, robot)
-    assert back is not None
     np.testing.assert_array_equal(back.states[0], driven[-1])
     assert 0.9 <= back.states[-1, 0] < 1.0
     # A surface that reaches a cell into the robot's way, then two.

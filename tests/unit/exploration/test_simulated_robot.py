@@ -92,7 +92,6 @@ def test_records_state_the_noise_that_there_is() -> None:
             turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
             dx, dy = turn[:2, :2] @ [record.dx, record.dy]
             carry = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-            assert record.covariance is not None
             assert np.linalg.eigvalsh(record.covariance).min() > 0.0
             covariance = carry @ covariance @ carry.T + turn @ record.covariance @ turn.T
             pose = compose(pose, [record.dx, record.dy, record.dtheta])

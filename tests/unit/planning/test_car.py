@@ -25,7 +25,6 @@ from trailmark.world import Query, Robot, World
 
 def shipped(worlds: Path, name: str, radius: float, reverse: bool = True) -> World:
     world = World.load(worlds / f"{name}.yaml")
-    assert world.robot is not None
     return world.with_robot(world.robot.steered(radius, reverse))
 
 
@@ -40,7 +39,6 @@ def referee(world: World, query: Query, result: PlanResult) -> CurvePath:
     path = result.path
     assert result.status == "solved"
     assert isinstance(path, CurvePath)
-    assert world.robot is not None
     assert np.array_equal(path.states[[0, -1]], [query.start, query.goal])
     states = path.resample(0.01).states
     assert not Oracle(world, world.robot).collides(states).any()
@@ -50,7 +48,6 @@ def referee(world: World, query: Query, result: PlanResult) -> CurvePath:
     heading = states[:-1, 2] + 0.5 * turn
     ahead = np.cos(heading) * steps[:, 0] + np.sin(heading) * steps[:, 1]
     assert np.abs(np.cos(heading) * steps[:, 1] - np.sin(heading) * steps[:, 0]).max() < 1e-6
-    assert world.robot.turning_radius is not None
     assert (np.abs(turn) * world.robot.turning_radius <= np.hypot(*steps.T) * 1.001 + 1e-6).all()
     if not world.robot.reverse:
         assert ahead.min() > -1e-6
@@ -65,10 +62,8 @@ def test_parking(worlds: Path, name: str) -> None:
     planner, result = planned(world, query)
     path = referee(world, query, result)
     bound = Steering(4.5).lengths(query.start, query.goal)
-    assert result.lower_bound is not None
     assert bound - 1e-9 <= result.lower_bound <= path.cost < 3.0 * bound
     assert result.cost == pytest.approx(path.length)
-    assert result.first_cost is not None
     assert result.first_cost >= path.cost
     assert isinstance(planner.roadmap.motion, CurveMotion)
     assert CurveMotion(planner.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()
@@ -87,9 +82,7 @@ def test_an_office_both_ways_and_forwards_only(worlds: Path, office: tuple[World
     query = forwards.query("door")
     for world, result in ((office[0], office[2]), (forwards, planned(forwards, query)[1])):
         path = referee(world, query, result)
-        assert world.robot is not None
         assert path.steering == Steering.of(world.robot)
-        assert result.lower_bound is not None
         assert result.lower_bound <= path.cost + 1e-9
         assert world.robot.reverse or path.cusps == 0
 
@@ -114,7 +107,6 @@ def test_straight_lines_from_state_to_state_are_free_as_well(pillar: float, room
     world = World("pillar", (-3.0, -3.0, 5.0, 5.0), (Disc(centre, pillar),), car)
     heard: list[PlanProgress] = []
     _, result = planned(world, Query("around", (0.0, 0.0, 0.0), (2.0, 2.0, 0.5 * math.pi)), on_progress=heard.append)
-    assert result.path is not None
     assert result.path.cost == pytest.approx(math.pi, abs=1e-9)
     for path in (result.path, *(progress.path for progress in heard if progress.path is not None)):
         assert check_path(world, car, path.states).free
@@ -135,7 +127,6 @@ def test_the_record_holds_what_rebuilds_the_curves(office: tuple[World, Query, P
     assert again == result.path
     assert record["cost"] == record["length"] == again.length
     # Where lines between its states would not be free, there are more of them.
-    assert result.path is not None
     assert record["states"] == result.path.states.tolist()
 
 
@@ -199,8 +190,6 @@ def test_changes_of_direction_are_what_a_driver_avoids_by_default(paid: PlanResu
     assert plain.cost == plain.path.length
     assert plain.objective is None
     assert paid.cost == pytest.approx(paid.path.length + 3.0 * paid.path.cusps + 0.5 * paid.path.reverse_length)
-    assert paid.lower_bound is not None
-    assert paid.cost is not None
     assert paid.lower_bound <= paid.cost
     record = paid.to_dict("slot")
     assert record["direction_changes"] == paid.path.cusps

@@ -43,8 +43,6 @@ def bend(width: float, robot: Robot, size: float = 10.0) -> World:
 def accepted(world: World, start: Any, goal: Any, result: PlanResult, robot: Robot | None = None) -> None:
     """Assert that a result is solved, and true in all that it says about its path."""
     assert result.status == "solved"
-    assert result.path is not None
-    assert result.lower_bound is not None
     robot = robot or world.robot
     assert robot is not None
     cost = judge(world, robot, start, goal, result.path.states)
@@ -89,7 +87,6 @@ def test_a_round_robot_turns_evenly_along_its_way() -> None:
     start, goal = (5.0, 2.0, 2.5), (15.0, 2.0, -2.5)
     result = LandmarkPlanner(wall(1.0), robot, seed=1).plan(start, goal, LONG, max_iterations=3)
     accepted(wall(1.0), start, goal, result, robot)
-    assert result.path is not None
     states = result.path.states
     assert len(states) > 2
     # The shorter way round, through pi.
@@ -188,12 +185,9 @@ def test_progress_is_reported() -> None:
         assert before.elapsed <= after.elapsed
         assert before.landmarks <= after.landmarks
         if before.cost is not None:
-            assert after.cost is not None
             assert after.cost <= before.cost + 1e-12
     assert seen[0].cost is None
     assert seen[0].phase
-    assert seen[-1].cost is not None
-    assert result.cost is not None
     assert result.cost <= seen[-1].cost + 1e-12
     assert seen[-1].elapsed <= (result.time["total"] or 0.0)
 
@@ -224,9 +218,8 @@ def test_as_many_landmarks_as_asked_for(landmarks: int) -> None:
 )
 def test_ends_that_cannot_be(start: Any, goal: Any, said: str) -> None:
     planner = LandmarkPlanner(wall(2.0), seed=0)
-    with pytest.raises(ConfigurationError, match=f"^{said}") as caught:
+    with pytest.raises(ConfigurationError, match=f"^{said}"):
         planner.plan(start, goal)
-    assert "\n" not in str(caught.value)
     assert len(planner.roadmap) == 0
 
 
@@ -259,10 +252,7 @@ def test_planning_ends_once_the_path_is_proven_good_enough() -> None:
     shortest = 2.0 * math.sqrt(55.0) + 3.0 * (math.pi - 2.0 * math.acos(3.0 / 8.0))
     for gap in (0.05, 0.005):
         result = LandmarkPlanner(world, seed=0).plan(start, goal, 600.0, gap=gap)
-        assert result.cost is not None
-        assert result.lower_bound is not None
         assert result.lower_bound <= shortest <= result.cost <= (1.0 + gap) * result.lower_bound + 1e-9
-        assert result.time["total"] is not None
         assert result.time["total"] < 600.0  # before the limit
     with pytest.raises(ConfigurationError, match="gap"):
         LandmarkPlanner(world, seed=0).plan(start, goal, gap=-0.1)
@@ -275,7 +265,6 @@ def test_without_a_path_the_nearest_approach_is_told() -> None:
     start, goal = np.array((3.0, 0.5, 0.0)), np.array((9.5, 7.0, math.pi / 2))
     result = planner.plan(start, goal, 60.0, max_iterations=2)
     assert result.status == "timeout"
-    assert result.nearest is not None
     states = result.nearest.states
     assert (states[0] == start).all()
     assert planner.checker.motions_valid(states[:-1], states[1:]).all()

@@ -25,7 +25,6 @@ def planner_with_path(name: str = "rectangle") -> tuple[LandmarkPlanner, Path]:
 
 
 def states_of(result: PlanResult) -> np.ndarray:
-    assert result.path is not None
     return result.path.states
 
 
@@ -38,7 +37,6 @@ def test_a_path_that_no_change_touches_is_kept(name: str) -> None:
     result = planner.replan(here, GOAL, path)
     assert result.kept
     assert "free" in result.reason
-    assert result.path is not None
     assert np.array_equal(result.path.states[0], here)
     assert result.path.cost == pytest.approx(0.7 * path.cost, rel=1e-6)
     assert result.min_clearance is not None
@@ -55,7 +53,6 @@ def test_a_path_that_is_blocked_is_led_around(name: str) -> None:
     result = planner.replan(here, GOAL, path)
     assert (result.status, result.kept, result.reason) == ("solved", False, "the path is blocked")
     judge(planner.world, planner.robot, here, GOAL, states_of(result))
-    assert result.cost is not None
     assert result.cost < 1.2 * 0.8 * path.cost
 
 

@@ -1,10 +1,11 @@
-"""One path through places in their order: each leg certified, free headings chosen, cost and bound of the whole."""
+"""Paths through places on the way, and along graphs drawn by hand."""
 
 from __future__ import annotations
 
 from itertools import pairwise, product
 from pathlib import Path
 
+import networkx as nx
 import numpy as np
 import pytest
 
@@ -23,7 +24,6 @@ OPEN = World("open", (0.0, 0.0, 20.0, 20.0))
 
 def passed(result: PlanResult, places: list[tuple[float, ...]]) -> list[int]:
     """Return the indices of the states at which a path passes places, in turn."""
-    assert result.path is not None
     found, states = [0], result.path.states
     for place in places:
         off = np.abs(states[found[-1] :, :2] - place[:2]).max(axis=1)
@@ -40,7 +40,6 @@ def test_a_path_leads_through_all_places_and_is_certified(name: str, worlds: Pat
     planner = LandmarkPlanner(world, robot, seed=0)
     result = planner.plan_through(start, places, 8.0)
     assert (result.status, len(result.legs)) == ("solved", 4)
-    assert result.path is not None
     audit = check_path(world, robot, result.path)
     assert audit.free
     where = passed(result, places)
@@ -49,17 +48,15 @@ def test_a_path_leads_through_all_places_and_is_certified(name: str, worlds: Pat
         there = result.path.states[where[i] :]
         there = there[(there[:, :2] == places[i][:2]).all(axis=1)]
         assert np.abs(there[:, 2] - heading).min() < 1e-9
-    assert result.lower_bound is not None
-    assert result.cost is not None
     assert 0.0 < result.lower_bound <= result.cost
     assert result.cost == pytest.approx(sum(leg.cost or np.inf for leg in result.legs), rel=0.01)
     # No way through the places can be cheaper than the parts each by itself, planned with all headings free.
     ends = [start, *places]
     for a, b, leg in zip(ends, ends[1:], result.legs, strict=False):
-        assert leg.cost is not None
         assert leg.cost >= np.hypot(*np.subtract(b[:2], a[:2])) - 1e-9
 
 
+@pytest.mark.slow
 def test_headings_left_free_are_those_of_the_cheapest_chain() -> None:
     """In the open, against all combinations of 72 headings at each of two places, by the curves' own lengths."""
     robot, steering = ROBOTS["car"], Steering(0.5)
@@ -71,7 +68,6 @@ def test_headings_left_free_are_those_of_the_cheapest_chain() -> None:
     for a, b in pairwise(rows):
         lengths = np.array([float(steering.lengths(p, q)) for p, q in product(a, b)]).reshape(len(a), len(b))
         total = (total[:, None] + lengths).min(axis=0)
-    assert result.path is not None
     assert result.path.length <= 1.02 * total[0]
 
 
@@ -79,13 +75,9 @@ def test_of_several_goals_the_cost_counts_and_the_index_is_told() -> None:
     near, far = Goal((10.0, 6.0, 0.0), cost=5.0), Goal((10.0, 8.0, 0.0))
     planner = LandmarkPlanner(OPEN, ROBOTS["disc"], seed=0)
     result = planner.plan_through((5.0, 5.0, 0.0), [(near, far), [near, Goal((15.0, 5.0))]], 2.0)
-    assert result.legs[0].goal is not None
-    assert result.goal is not None
     assert (result.legs[0].goal.index, result.goal.index) in {(1, 1), (0, 0)}
     lengths = [float(np.hypot(5.0, 3.0)), float(np.hypot(5.0, 3.0))]  # over the farther goal, which costs nothing
     assert result.cost == pytest.approx(sum(lengths), rel=1e-6)
-    assert result.lower_bound is not None
-    assert result.cost is not None
     assert result.lower_bound <= result.cost
 
 
@@ -119,7 +111,49 @@ def test_either_of_two_opposite_headings_will_do() -> None:
     assert goals[1].pose == pytest.approx((10.0, 3.0, np.pi))
     robot = ROBOTS["car"].steered(0.5, reverse=False)
     result = LandmarkPlanner(OPEN, robot, seed=0).plan((15.0, 3.0, np.pi), goals)
-    assert result.path is not None
     assert result.path.length == pytest.approx(5.0)
     with pytest.raises(ConfigurationError, match="expected a pose x, y, theta with a heading"):
         Goal.bidirectional((10.0, 3.0))
+
+
+WALL = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 7.0), 2.0, 6.0),))
+
+
+def graph_of(places: dict[int, tuple[float, float]], edges: list[tuple[int, int]]) -> nx.DiGraph:
+    graph = nx.DiGraph()
+    for node, at in places.items():
+        graph.add_node(node, position=at)
+    for i, (a, b) in enumerate(edges):
+        graph.add_edge(a, b, id=100 + i, length=float(np.hypot(*np.subtract(places[b], places[a]))))
+    return graph
+
+
+@pytest.mark.parametrize(
+    "robot", [Robot.disc(0.3), Robot.rectangle(0.8, 0.4), Robot.rectangle(0.8, 0.4).differential()]
+)
+def test_the_cheapest_free_way_is_taken(robot: Robot) -> None:
+    places = {1: (3.0, 5.0), 2: (17.0, 5.0), 3: (3.0, 2.0), 4: (17.0, 2.0), 5: (17.0, 9.0)}
+    graph = graph_of(places, [(1, 2), (1, 3), (3, 4), (4, 2), (4, 5), (2, 1)])
+    planner = LandmarkPlanner(WALL, robot, seed=0)
+    result = planner.plan_on_route(graph, (2.0, 5.0, 0.0), (18.0, 5.0, 0.0))
+    assert (result.status, result.nodes, result.colliding) == ("solved", (1, 3, 4, 2), (100, 105))
+    assert result.cost == pytest.approx(planner.plan_on_route(graph, (2.0, 5.0, 0.0), (18.0, 5.0, 0.0)).cost)
+    assert result.to_dict("wall")["route"] == {"nodes": [1, 3, 4, 2], "colliding": [100, 105]}
+    back = planner.plan_on_route(graph, (18.0, 5.0, 0.0), (2.0, 5.0, 0.0))
+    assert (back.status, back.path) == ("timeout", None)
+    assert back.reason == "no free edges lead from start to goal"
+
+
+def test_an_end_with_no_motion_to_the_graph_is_planned_to() -> None:
+    graph = graph_of({1: (13.0, 8.0), 2: (17.0, 8.0)}, [(1, 2)])
+    result = LandmarkPlanner(WALL, Robot.disc(0.3), seed=0).plan_on_route(graph, (7.0, 8.0, 0.0), (18.0, 8.0, 0.0))
+    assert (result.status, result.nodes) == ("solved", (1, 2))
+
+
+def test_a_car_and_an_empty_graph_are_refused_in_one_line() -> None:
+    graph = graph_of({1: (3.0, 5.0), 2: (3.0, 2.0)}, [(1, 2)])
+    car = LandmarkPlanner(WALL, Robot.rectangle(0.8, 0.4).steered(1.0), seed=0)
+    with pytest.raises(ConfigurationError, match="expected a robot that turns in place, got rectangle"):
+        car.plan_on_route(graph, (2.0, 5.0, 0.0), (3.0, 2.0, 0.0))
+    with pytest.raises(ConfigurationError, match="expected one edge or more, got none"):
+        LandmarkPlanner(WALL, Robot.disc(0.3)).plan_on_route(nx.DiGraph(), (2.0, 5.0, 0.0), (3.0, 2.0, 0.0))

@@ -77,8 +77,6 @@ def test_a_bound_above_a_known_cost_is_reported_and_dropped(
     with pytest.warns(InternalErrorWarning, match="lower bound"):
         (many,) = LandmarkPlanner(WALL, robot, seed=0).plan_many(ENDS[:1], ENDS[1:], 0.5)
     for result in (alone, many):
-        assert result.path is not None
-        assert result.lower_bound is not None
         assert result.lower_bound <= result.path.cost
 
 
@@ -96,7 +94,6 @@ def test_cells_that_are_wrongly_blocked_are_found_by_the_oracle(monkeypatch: pyt
 
     monkeypatch.setattr("trailmark.proofs.enclosure.core", swollen)
     proof = enclosure(checker, ENDS[0], ENDS[1], seconds=20.0)
-    assert proof is not None
     assert free_somewhere(tight, ROBOTS[1], proof.rim_centers, proof.rim_extents, proof.pivot)
 
 

@@ -80,7 +80,6 @@ def pocket() -> tuple[StateChecker, NDArray[np.float64], NDArray[np.float64]]:
     """A world of much clutter, as the benchmarks have it, and two ends; the inscribed disc passes out of the pocket."""
     world = replace(random_world(500_104, 500), robot=ROBOTS["L"])
     ends = corner_ends(world, np.random.default_rng(104))
-    assert ends is not None
     return StateChecker(world), np.array(ends[0]), np.array(ends[1])
 
 
@@ -217,6 +216,7 @@ def test_discs_are_left_to_the_triangles_and_bad_ends_are_told() -> None:
         enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), np.zeros((2, 3)), (9.0, 2.0, 0.0))
 
 
+@pytest.mark.slow
 def test_a_place_with_two_headings_that_are_apart_takes_two_enclosures() -> None:
     # A slot as wide as the robot, shut at both ends: there is no turning round in it.
     walls = (

@@ -104,7 +104,6 @@ def test_the_way_of_a_carved_world_has_room(scale: str, car: bool) -> None:
     known = None
     while known is None:
         known = carved_world(rng, car, scale)
-    assert known.world.robot is not None
     reference = Reference(known.world, known.world.robot)
     assert reference.clearance(known.way).min() >= known.margin > 0.0
     assert (known.world.robot.turning_radius is not None) == car

@@ -72,9 +72,8 @@ def test_resampling_keeps_the_way_and_the_states(path: Path, step: float) -> Non
 
 @pytest.mark.parametrize("states", [[], [1, 2, 3], [[1, 2]], [[1, 2, math.nan]], np.empty((0, 3)), "here"])
 def test_what_is_no_path_is_refused(states: object) -> None:
-    with pytest.raises(ConfigurationError, match="path: ") as caught:
+    with pytest.raises(ConfigurationError, match="path: "):
         Path(states)  # type: ignore[arg-type]  # that is what is tested
-    assert "\n" not in str(caught.value)
 
 
 def test_paths_are_values() -> None:

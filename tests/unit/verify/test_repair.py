@@ -37,7 +37,6 @@ def test_broken_parts_are_planned_anew(robot: Robot) -> None:
     audit = auditor.audit(STRAIGHT)
     assert len(audit.collisions) == 3
     path = repaired(auditor, audit, plan)
-    assert path is not None
     assert auditor.audit(path).free
     assert np.array_equal(path.states[[0, -1]], STRAIGHT)
     assert all(3.0 < a < b < 15.0 for a, b in asked)
