@@ -1,4 +1,4 @@
-"""``trailmark benchmark``: end to end, bad input, and what a kill or Ctrl-C leaves behind."""
+"""``trailmark benchmark`` and ``report``: whole runs, killed ones, and what is left of them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from trailmark.benchmark.store import Store
+from tests.helpers.made_results import random_results
 
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
@@ -78,33 +77,6 @@ def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
-    results, page = tmp_path / "results.db", tmp_path / "report.html"
-    words = [
-        "benchmark",
-        yard,
-        "--turning-radius",
-        0.5,
-        "--forward-only",
-        "-p",
-        "landmark",
-        "-p",
-        "RRTConnect+certified",
-    ]
-    run = shell(*words, "--query", "across", "--runs", 1, "--time-limit", 1, "--output", results)
-    assert (run.status, run.err) == (0, "")
-    assert run.out.startswith("2 runs made, 0 of them without a correct solution\n")
-    setup = json.loads(rows(results, "SELECT setup FROM experiments")[0][0])
-    assert setup["facts"]["robot"] == "rectangle 0.8 x 0.4 m, turning radius 0.5 m, forward only"
-    assert setup["identity"]["objective"] == "length of the dubins curves, metres"
-    assert shell("report", results, "--html", page).status == 0
-    assert "turning radius 0.5 m" in page.read_text()
-    refused = shell("benchmark", yard, "--forward-only", "-p", "landmark", "--output", tmp_path / "other.db")
-    assert refused.status == 2
-    assert "--turning-radius" in refused.err
-
-
-@pytest.mark.slow
 def test_a_differential_drive_and_why_ompl_has_no_plan_for_it(shell: Shell, yard: Path, tmp_path: Path) -> None:
     results = tmp_path / "results.db"
     words = ["benchmark", yard, "-p", "landmark", "-p", "RRTConnect", "--runs", 1, "--time-limit", 0.2]
@@ -131,34 +103,8 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
     ]
 
 
-def test_a_database_that_is_not_ours_or_in_use(shell: Shell, yard: Path, tmp_path: Path) -> None:
-    other = tmp_path / "other.db"
-    with closing(sqlite3.connect(other)) as db:
-        db.execute("CREATE TABLE runs (id)")
-    before = other.read_bytes()
-    run = shell("benchmark", yard, "-p", "PRM", "--output", other)
-    assert (run.status, other.read_bytes()) == (2, before)
-    assert "did not write" in run.problem
-    with Store(tmp_path / "used.db"):
-        run = shell("benchmark", yard, "-p", "PRM", "--output", tmp_path / "used.db")
-    assert run.status == 2
-    assert "another benchmark is writing to it" in run.problem
-
-
 def words_for(yard: Path, results: Path, runs: int) -> list[str]:
-    words = [
-        yard,
-        "--query",
-        "across",
-        "-p",
-        HONEST,
-        "--runs",
-        runs,
-        "--time-limit",
-        "5",
-        "--output",
-        results,
-    ]
+    words = [yard, "--query", "across", "-p", HONEST, "--runs", runs, "--time-limit", "5", "--output", results]
     return list(map(str, words))
 
 
@@ -235,11 +181,6 @@ def test_a_run_that_hangs_ends_with_a_killed_benchmark(
     assert_nothing_is_left(mark)
 
 
-def names(file: Path) -> list[str]:
-    with closing(sqlite3.connect(file)) as db:
-        return [row[0] for row in db.execute("SELECT name FROM experiments ORDER BY id")]
-
-
 def test_the_public_suites_are_listed_with_where_they_are_published(shell: Shell) -> None:
     run = shell("benchmark", "--list-suites")
     assert (run.status, run.err) == (0, "")
@@ -250,13 +191,30 @@ def test_the_public_suites_are_listed_with_where_they_are_published(shell: Shell
 
 
 @pytest.mark.slow
-def test_a_part_of_a_public_suite_is_run(
-    shell: Shell, shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    root = Path(__file__).resolve().parents[2]
-    monkeypatch.setenv("PYTHONPATH", f"{root}:{root / 'src'}")
+def test_a_part_of_a_public_suite_is_run(shell: Shell, shared_data: Path, tmp_path: Path) -> None:
     results = tmp_path / "results.db"
     words = ["benchmark", "--suite", "barn", "--data", shared_data / "barn", "-p", HONEST, "--runs", 1]
     run = shell(*words, "--problems", 2, "--time-limit", 0.1, "--output", results)
     assert (run.status, run.err) == (0, "")
-    assert names(results) == ["barn-world_0-ahead", "barn-world_299-ahead"]
+    assert rows(results, "SELECT name FROM experiments ORDER BY id") == [
+        ("barn-world_0-ahead",),
+        ("barn-world_299-ahead",),
+    ]
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    return random_results(tmp_path / "results.db", ["landmark", "PRM"], problems=1, runs=3)
+
+
+def test_the_summary_is_printed_and_the_page_written(shell: Shell, results: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    before = results.read_bytes()
+    run = shell("report", results)
+    assert (run.status, run.err) == (0, "")
+    assert [line.split()[0] for line in run.out.splitlines()[:3]] == ["planner", "landmark", "PRM"]
+    again = shell("report", results, "--html", page)
+    assert again.out == run.out + f"written: {page} (1 problems, 2 planners, 6 runs)\n"
+    assert page.read_text().startswith("<!DOCTYPE html>")
+    assert results.read_bytes() == before
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "results.db"]

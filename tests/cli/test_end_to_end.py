@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from tests.helpers.oracles import Oracle, motion_states
 
-from trailmark.formats.any_path import read_any_path
 from trailmark.world import World
 
 Shell = Callable[..., Any]
@@ -64,18 +63,6 @@ def test_a_whole_process_prints_writes_and_draws(terminal: Shell, worlds: Path, 
     assert costs[-1] == pytest.approx(record["cost"])
     assert "planning" in run.err or "preparing" in run.err
     assert "planning" not in run.out
-
-
-@pytest.mark.slow
-def test_given_ends_and_robot(shell: Shell, worlds: Path, tmp_path: Path) -> None:
-    file = tmp_path / "path.csv"
-    words = ["--robot", "disc:0.15", "--start", "1,1,-3", "--goal=5,4.5,3", "--time-limit", "0.5", "--output", file]
-    run = shell("plan", worlds / "office.yaml", *words)
-    assert run.status == 0, run.err
-    states = read_any_path(file).states
-    np.testing.assert_allclose(states[[0, -1]], [[1.0, 1.0, -3.0], [5.0, 4.5, 3.0]])
-    assert "path found" in run.out
-    assert run.err == ""
 
 
 @pytest.mark.slow

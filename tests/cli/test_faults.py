@@ -1,8 +1,9 @@
-"""Full disks, interrupts and kills at every step of writing: outputs are whole or absent, and nothing else is left."""
+"""What goes wrong while files are read and written: outputs are whole or absent, and memory is bounded."""
 
 from __future__ import annotations
 
 import errno
+import gzip
 import os
 import shutil
 import signal
@@ -162,7 +163,6 @@ def test_kills_leave_whole_files(tmp_path: Path) -> None:
     file.write_text("x" * 2_000_000)
     for moment in trials(8):
         with subprocess.Popen([sys.executable, "-c", WRITER, file], stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
             assert process.stdout.readline() == "begun\n"
             time.sleep(0.013 * (3 * moment % 8 + 1))
             process.send_signal(signal.SIGKILL)
@@ -188,3 +188,38 @@ def test_a_full_disk_under_the_results_keeps_those_that_are_there(tmp_path: Path
     with Store(file) as store:
         assert len(store.finished(row)) == kept
         assert store._db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+# ru_maxrss would begin with the memory of the process that starts this one.
+PROGRAM = """
+import re, sys
+from pathlib import Path
+from trailmark.cli import main
+output, *bombs = sys.argv[1:]
+for bomb in bombs:
+    status = main(["map", bomb, "--output", output])
+    print(status, int(re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1]) // 1024)
+"""
+HEADS = {
+    "jsonl": b'{"trailmark_log": 1, "name": "bomb"}\n',
+    "carmen": b"ODOM 0 0 0 0 0 0 0 host 0\n",
+    "victoria": b"ODOMETRY 0 1 1 0 0 1 0 0 1 0 1\n",
+}
+
+
+@pytest.mark.slow
+def test_gzip_bombs_of_three_gigabytes(tmp_path: Path) -> None:
+    piece = gzip.compress(bytes(2**24), 1)
+    bombs = [tmp_path / f"{kind}.gz" for kind in HEADS]
+    for bomb, head in zip(bombs, HEADS.values(), strict=True):
+        bomb.write_bytes(gzip.compress(head) + 192 * piece)  # 3 GiB in 192 members
+    words = list(map(str, (tmp_path / "world.yaml", *bombs)))
+    done = subprocess.run([sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, timeout=120)
+    said = [f"trailmark: error: {bomb}:2: expected at most 4,194,304 bytes in a line, got more" for bomb in bombs]
+    assert done.stderr.splitlines() == said
+    for line in done.stdout.splitlines():
+        status, megabytes = map(int, line.split())
+        assert status == 2
+        assert megabytes < 200
+    assert done.stdout.count("\n") == len(HEADS)
+    assert not (tmp_path / "world.yaml").exists()

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 EVERYTHING = """
+import sys
 from dataclasses import replace
 import numpy as np
 from numba.core import event
@@ -19,8 +20,9 @@ class Listener(event.Listener):
     def on_end(self, what): pass
 event.register("numba:compile", Listener())
 
-from trailmark import CostZone, Goal, OneWayZone, SpeedZone
-from trailmark import Disc, LandmarkPlanner, Polygon, Robot, StateChecker, World, check_path
+from trailmark import CostZone, Goal, KeepOutZone, OneWayZone, SpeedZone
+from trailmark import Disc, LandmarkPlanner, Polygon, Rectangle, Roadmap, Robot, StateChecker, World, check_path
+from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.ompl_bridge import SE2Problem
 from trailmark.planning.settings import PlannerSettings
 
@@ -63,6 +65,31 @@ for reverse in (True, False):
 problem = SE2Problem(office, query="door")
 problem.set_planner("RRTConnect")
 problem.solve(0.2)
+wall = tuple(Rectangle((5.0, y), 0.4, h) for y, h in ((4.0, 4.0), (6.75, 1.5), (8.75, 2.5)))
+hall = World("hall", (0, 0, 10, 10), wall)
+start, goal = (1.0, 8.0, 0.0), (9.0, 8.0, 0.0)
+cells = np.zeros((40, 40), bool)
+cells[10:30, 18:22] = True
+for robot in (Robot.disc(0.25), arrow, arrow.differential(), arrow.steered(0.6)):
+    planner = LandmarkPlanner(hall, robot, seed=1, settings=quick)
+    path = planner.plan(start, goal, 60, max_iterations=1).path
+    states, checker = path.states, planner.checker
+    for q in (states[::-1], np.asfortranarray(states), states.tolist(), states.astype(np.float32) * 0.99, states[0]):
+        checker.valid(q), checker.clearance(q), checker.clearance(q, cap=1)
+    planner.roadmap.save(sys.argv[1])
+    roadmap = Roadmap.load(sys.argv[1], checker)
+    roadmap.add(states[:1])
+    roadmap.shortest_path(0, np.int64(1), limit=100)
+    roadmap.shortest_path(0, 1, banned=np.zeros(len(roadmap), bool), to_go=np.zeros(len(roadmap)))
+    for changed in (hall.edited(remove=[1]), hall.edited(add=[Disc(tuple(path.at(0.5)[:2].tolist()), 0.3)]), hall):
+        planner.update(changed)
+        planner.replan(start, goal, path, 60)
+    RoadmapSnapshot(planner.roadmap).between(0, 1)
+    planner.update(hall.edited(add=[Disc((1.0, 8.2), 0.2)]))
+    planner.replan(start, goal, path, 60, escape=True)
+    planner.update(replace(hall, zones=(KeepOutZone([(0, 7), (2, 7), (2, 9), (0, 9)]),)))
+    planner.plan(start, goal, 60, max_iterations=1)
+    LandmarkPlanner(World.from_grid(cells, 0.25), robot, seed=1).plan((2, 5, 0), (8, 5, 0), 60, max_iterations=1)
 print(sorted(set(late)))
 """
 
@@ -79,7 +106,8 @@ def test_afterwards_nothing_compiles(tmp_path: Path, worlds: Path) -> None:
     assert Path(record["cache"]["folder"]).is_dir()
     assert {"planning (any shape)", "many queries (discs)", "objectives and zones (cars)"} <= set(record["kernels"])
     # In a process that has loaded nothing but what the warm-up compiles.
-    done = run("-c", EVERYTHING.replace('"office.yaml"', repr(str(worlds / "office.yaml"))))
+    program = EVERYTHING.replace('"office.yaml"', repr(str(worlds / "office.yaml")))
+    done = run("-c", program, str(tmp_path / "roadmap.npz"))
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
     assert "compiling" not in done.stderr

@@ -1,9 +1,9 @@
-"""Annotations say what arguments and fields may be; the rest is told in one line."""
+"""Checked arguments, fields and options that switch layers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from decimal import Decimal
 from typing import Any, ClassVar, Literal
 
@@ -25,6 +25,7 @@ from trailmark.arguments import (
     checked_fields,
 )
 from trailmark.errors import ConfigurationError
+from trailmark.shown import ALL, Layers
 
 Colour = Literal["red", "green"]
 
@@ -110,3 +111,20 @@ def test_arguments() -> None:
         area(1.0, "wide")  # type: ignore[arg-type]  # the point
     with pytest.raises(TypeError):
         area()  # type: ignore[call-arg]  # a mistake in the program, not in its input
+
+
+def test_names_change_the_default() -> None:
+    assert Layers.of({}) == ALL
+    assert asdict(Layers.of({"margin": False, "clearance": True})) == asdict(ALL) | {"margin": False, "clearance": True}
+
+
+@pytest.mark.parametrize(
+    ("chosen", "problem"),
+    [
+        *(({name: True}, "layers: expected clearance, edges, .*got ") for name in ("", "pth", "all")),
+        ({"path": "no"}, "layers: path: expected True or False, got 'no'"),
+    ],
+)
+def test_unknown_names_and_other_values_are_refused(chosen: Any, problem: str) -> None:
+    with pytest.raises(ConfigurationError, match=problem):
+        Layers.of(chosen)

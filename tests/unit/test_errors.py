@@ -59,6 +59,7 @@ def test_what_came_up_in_compiled_code_arrives_as_it_was_raised() -> None:
 
 
 def test_a_message_is_one_line_however_long_what_was_given() -> None:
+    assert str(errors.TrailmarkError("first\nsecond")) == "first second"
     error = FormatError("map.yaml", f"expected a whole number above 0, got height '{'a' * 70_000}'\n", 3)
     assert "\n" not in str(error)
     assert len(str(error)) < 1100

@@ -64,12 +64,10 @@ def closed(path: Path) -> None:
 
 def test_kernels_lie_beside_the_package_else_in_the_users_cache(package: Path, tmp_path: Path) -> None:
     beside = place()
-    assert beside is not None
     assert beside.parent == package / OPEN / "kernels"
     shutil.rmtree(package / OPEN)
     closed(package / OPEN)
     of_user = place()
-    assert of_user is not None
     assert of_user.is_relative_to(tmp_path / "user")
     assert of_user.name == beside.name == kernel_digest(package)
 
@@ -77,7 +75,6 @@ def test_kernels_lie_beside_the_package_else_in_the_users_cache(package: Path, t
 def test_the_place_that_is_named_comes_first(package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numba.config, "CACHE_DIR", os.fspath(tmp_path / "named"))
     found = place()
-    assert found is not None
     assert found.is_relative_to(tmp_path / "named")
 
 
@@ -87,7 +84,6 @@ def test_without_a_place_a_temporary_folder_of_ones_own_serves(
     closed(package / OPEN)
     closed(tmp_path / "user")
     found, kept = place(), tmp_path / "temporary" / f"trailmark-{os.getuid()}"
-    assert found is not None
     assert found.is_relative_to(kept)
     assert kept.stat().st_mode & 0o777 == 0o700
     line = f"trailmark: no cache folder for compiled kernels can be written to, they are cached in {kept}\n"
@@ -108,7 +104,6 @@ def test_a_folder_that_others_may_have_made_is_not_trusted(package: Path, tmp_pa
     else:
         kept.touch()
     found = place()
-    assert found is not None
     assert not found.is_relative_to(kept)
     assert not list(kept.iterdir() if kept.is_dir() else ())
 
@@ -139,7 +134,6 @@ def test_another_state_of_the_sources_has_another_folder_and_the_old_one_goes(pa
     (package / "constants.py").write_text("SHIFT = 2  # trailmark.jit counts this file\n")
     third = place()
     assert third not in (first, second)
-    assert third is not None
     assert list(third.parent.iterdir()) == [third]
 
 
@@ -182,6 +176,7 @@ def sources() -> dict[Path, _Source]:
     return {file: _Source(file) for file in PACKAGE.rglob("*.py")}
 
 
+@pytest.mark.slow
 def test_all_that_kernels_read_counts_in_the_digest(sources: dict[Path, _Source]) -> None:
     assert sum(len(source.kernels) for source in sources.values()) > 200
     for source in sources.values():
@@ -193,6 +188,7 @@ def test_all_that_kernels_read_counts_in_the_digest(sources: dict[Path, _Source]
                 waiting.append(sources[file].taken[name])
 
 
+@pytest.mark.slow
 def test_no_python_calls_what_only_kernels_call(sources: dict[Path, _Source]) -> None:
     inner = {(source.file, f.name) for source in sources.values() for f, kind in source.kernels if "callee" in kind}
     tests = {file: _Source(file) for file in Path(__file__).parents[1].rglob("*.py") if file != Path(__file__)}
@@ -203,6 +199,7 @@ def test_no_python_calls_what_only_kernels_call(sources: dict[Path, _Source]) ->
         assert not wrong, f"{source.file}: {wrong}"
 
 
+@pytest.mark.slow
 def test_every_kernel_is_made_here_and_gives_python_what_is_made_without_it(sources: dict[Path, _Source]) -> None:
     named = {
         node.name
@@ -219,6 +216,7 @@ def test_every_kernel_is_made_here_and_gives_python_what_is_made_without_it(sour
             assert "callee" in kind or not given & named, f"{source.file}: {f.name}"
 
 
+@pytest.mark.slow
 def test_what_counts_no_references_gives_back_no_arrays_and_takes_none(sources: dict[Path, _Source]) -> None:
     counting = ("njit", "array_callee")
     # What is not said to give numbers may give arrays; of new_scratch each kind of motion has its own.
@@ -266,41 +264,6 @@ def test_code_is_kept_and_found_again_and_kernels_run_as_python_too(tmp_path: Pa
     known = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.fspath(PACKAGE.parent)}
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=120, env=known)
     assert done.stdout.strip() == "2"
-
-
-def test_compiling_is_reported_once_in_a_row() -> None:
-    clock, said = [0.0], list[str]()
-    compiling = jit._Compiling(said.append, lambda: clock[0])
-
-    def compile_at(begin: float, end: float, module: str = "trailmark.search.heap") -> None:
-        what: Any = SimpleNamespace(
-            kind="numba:compile", data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=module))}
-        )
-        clock[0] = begin
-        compiling.on_start(what)
-        clock[0] = end
-        compiling.on_end(what)
-        compiling.on_end(SimpleNamespace(kind="numba:compiler_lock"))
-
-    compiling._depth = 100  # of numba's lock, which is not taken here
-    compile_at(10.0, 10.6)
-    assert said == []  # what is over at once is not worth a word
-    compiling.uses.append("planning")
-    compile_at(10.7, 11.4)
-    compile_at(11.5, 20.0)
-    compiling.uses.pop()
-    compile_at(20.1, 21.0)
-    assert len(said) == 1
-    assert said[0].startswith("compiling the kernels for planning:")
-    assert "once" in said[0]
-    compile_at(60.0, 65.0, "somebody.else")
-    compile_at(65.1, 67.0, "somebody.else")
-    assert len(said) == 1
-    compile_at(100.0, 101.5, "trailmark.curves.words")
-    compile_at(101.6, 103.0, "trailmark.curves.words")
-    assert len(said) == 2
-    assert "the kernels for trailmark.curves.words" in said[1]
-    assert "once" not in said[1]
 
 
 def test_what_is_compiled_for_is_said_while_it_is() -> None:

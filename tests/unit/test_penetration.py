@@ -107,6 +107,7 @@ def test_the_way_back_inside_the_bounds() -> None:
     assert bounds_depth(Robot.disc(0.5).footprint, bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [L_ROBOT, Robot.disc(0.4)])
 def test_a_shape_of_many_vertices_is_as_deep_as_one_of_few(robot: Robot) -> None:
     ring = np.concatenate([np.linspace(a, b, 100, endpoint=False) for a, b in zip(*_sides(U_SHAPE), strict=True)])

@@ -98,9 +98,8 @@ def test_a_scheduler_that_does_not_answer_and_no_dask(monkeypatch: pytest.Monkey
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens
         for address in (f"tcp://127.0.0.1:{taken.getsockname()[1]}", "no address"):
-            with pytest.raises(WorkerError, match="does not answer") as caught, cluster(address, answer_limit=0.5):
+            with pytest.raises(WorkerError, match="does not answer"), cluster(address, answer_limit=0.5):
                 pass
-            assert "\n" not in str(caught.value)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(WorkerError, match=r"pip install 'trailmark\[cluster\]'"), cluster("tcp://127.0.0.1:1"):
         pass

@@ -169,15 +169,6 @@ def test_all_examples_are_run() -> None:
     assert all(f'"{file.name}"' in text for file in EXAMPLES)
 
 
-@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
-def test_an_example_is_a_page_of_the_gallery(file: Path) -> None:
-    title, line, *_ = file.read_text().removeprefix('"""').splitlines()
-    assert line == "=" * len(title)
-    assert "plt.show()" in file.read_text()
-    code = [row for row in file.read_text().splitlines() if row and not row.startswith("#")]
-    assert 10 <= len(code) <= (130 if file.stem == "ros2_planner" else 60)
-
-
 def test_pallets_in_front_of_a_driving_robot(checkout: Path, run: Run) -> None:
     found = run("changing_warehouse.py", "2", "drive.gif")
     assert found.count("dropped, path") == 2

@@ -19,7 +19,6 @@ def serving(*words: str) -> Iterator[str]:
     command = [sys.executable, "-m", "trailmark.cli", "live", *words, "--port", "0", "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
-            assert process.stdout is not None
             line = process.stdout.readline()
             found = re.search(r"http://\S+", line)
             assert found is not None, (line, process.poll())

@@ -14,7 +14,6 @@ import pytest
 import shapely
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from PIL import Image
 from tests.helpers.pictures import colours_of, is_colour
 
 from trailmark import plotting
@@ -164,37 +163,10 @@ def test_path_robot_and_ends_are_visible() -> None:
     assert is_colour(rgb[beside], "white").all()
 
 
-def ink(canvas: Canvas, x: float, y: float) -> float:
-    """Return how dark the darkest pixel about a point is in the green channel: 0 white, 1 black."""
-    rgb, xs, ys = canvas.pixels()
-    return float(1.0 - rgb[np.hypot(xs - x, ys - y) < 1.5 * canvas.size][:, 1].min())
-
-
-def test_roadmap_edges_by_what_is_known_of_them() -> None:
-    canvas = Canvas(ROOM.bounds, per_metre=80)
-    plotting.draw_plan(canvas.axes, CAR, roadmap=ROADMAP)
-    middles = (ROADMAP.configurations[:-1] + ROADMAP.configurations[1:]) / 2
-    free, undecided, blocked, last = (ink(canvas, *middle[:2]) for middle in middles)
-    assert min(free, last) > 1.5 * undecided
-    assert undecided > 0.03
-    assert blocked == 0.0
-
-
 def test_empty_roadmap_and_single_state_path_can_be_drawn() -> None:
     canvas = Canvas(ROOM.bounds)
     plotting.draw_plan(canvas.axes, CAR, Path(np.array([START])), roadmap_of([], []))
     assert is_colour(canvas.pixels()[0], plotting.GOAL).any()
-
-
-@pytest.mark.parametrize("bounds", [(0, 0, 10, 6), (0, 0, 6, 10), (0, 0, 100, 2), (0, 0, 2, 100)])
-def test_saved_picture_has_the_worlds_proportions_and_a_sensible_size(tmp_path: FilePath, bounds: Any) -> None:
-    world = World("strip", bounds, (Disc((1.0, 1.0), 0.3),))
-    plotting.save_world_figure(tmp_path / "world.png", world)
-    with Image.open(tmp_path / "world.png") as image:
-        assert 900 < max(image.size) < 2200
-        assert (image.width > image.height) == (bounds[2] > bounds[3])
-    rgb, counts = colours_of(tmp_path / "world.png")
-    assert counts[is_colour(rgb, plotting.OBSTACLE)].sum() > 20
 
 
 @pytest.mark.parametrize("suffix", plotting.PICTURE_SUFFIXES)
@@ -275,28 +247,6 @@ def test_a_moving_obstacle_has_an_arrow(tmp_path: FilePath, velocity: tuple[floa
     save_world_figure(moving, world)
     save_world_figure(still, World("room", (0.0, 0.0, 10.0, 6.0), world.obstacles))
     assert 0.0 < share(moving, OBSTACLE) < share(still, OBSTACLE)
-
-
-HISTORY = ((0.004, 12.0), (0.05, 11.0), (0.2, 10.5))
-
-
-def test_steps_from_the_first_path_to_the_end_above_the_bound() -> None:
-    axes = Figure().subplots()
-    plotting.draw_progress(axes, HISTORY, 0.5, 10.0)
-    steps, improved, bound = axes.lines
-    np.testing.assert_allclose(
-        np.asarray(steps.get_xydata(), dtype=float), [[4.0, 12.0], [50.0, 11.0], [200.0, 10.5], [500.0, 10.5]]
-    )
-    assert steps.get_drawstyle() == "steps-post"
-    np.testing.assert_allclose(
-        np.asarray(improved.get_xydata(), dtype=float), [[4.0, 12.0], [50.0, 11.0], [200.0, 10.5]]
-    )
-    assert set(np.asarray(bound.get_ydata()).tolist()) == {10.0}
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    assert 0.0 < left < 4.0
-    assert right > 500.0
-    assert low < 10.0
-    assert high > 12.0
 
 
 def square(x: float, y: float, side: float = 3.0) -> Polygon:

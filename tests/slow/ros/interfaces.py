@@ -89,7 +89,6 @@ def _before(name: str, folder: Path) -> str:
 
 def _site() -> Path:
     spec = find_spec("rclpy")
-    assert spec is not None
     assert spec.origin is not None
     return Path(spec.origin).parents[1]
 

@@ -71,9 +71,8 @@ def test_each_counts_once_as_it_is_spelt_with_its_parameters() -> None:
     ],
 )
 def test_other_parameters_are_refused(name: str, problem: str) -> None:
-    with pytest.raises(SuiteError, match=problem) as caught:
+    with pytest.raises(SuiteError, match=problem):
         read_planners([name])
-    assert "\n" not in str(caught.value)
 
 
 def test_lattices_do_not_plan_for_cars() -> None:

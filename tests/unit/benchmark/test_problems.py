@@ -54,7 +54,6 @@ def test_a_grid_map_travels_as_cells() -> None:
     problem = Problem(posed)
     there = read_problem(problem.text)
     cells = cells_of(there.world.obstacles)
-    assert cells is not None
     assert (cells.occupied == occupied).all()
     assert there.world == posed
     assert there.key == problem.key

@@ -226,7 +226,6 @@ def test_the_robot_is_the_drawn_one_with_its_length_ahead_or_the_one_that_is_giv
     assert world.robot == Robot.disc(0.5)
     write(tmp_path, "car", CAR)
     world = maze(tmp_path, 22.0, 0.0, 0.0)
-    assert world.robot is not None
     low, high = world.robot.outline.vertices.min(axis=0), world.robot.outline.vertices.max(axis=0)
     assert high - low == pytest.approx((94 / 22, 54 / 22))
     assert low == pytest.approx(-high)

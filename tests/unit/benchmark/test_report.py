@@ -68,6 +68,7 @@ def test_the_figures_are_those_of_the_runs(small: Path) -> None:
     assert ["wrong", "4 refused by the referee", "far off (4)"] in page.rows
 
 
+@pytest.mark.slow
 def test_the_page_is_whole_and_asks_for_nothing(small: Path, tmp_path: Path) -> None:
     for file in (small, random_results(tmp_path / "m.db", ["landmark", "PRM", "native:RRT"], problems=3, runs=6)):
         text = html_report(load_results(file))

@@ -115,9 +115,8 @@ def test_what_is_no_results_database_is_left_alone(make: Any, problem: str, tmp_
     file = tmp_path / "results.db"
     make(file)
     before = file.read_bytes()
-    with pytest.raises(StoreError, match=problem) as caught:
+    with pytest.raises(StoreError, match=problem):
         Store(file)
-    assert "\n" not in str(caught.value)
     assert file.read_bytes() == before
     assert list(tmp_path.iterdir()) == [file]
 

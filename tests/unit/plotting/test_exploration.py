@@ -33,15 +33,6 @@ def test_the_picture_shows_the_cells_and_each_landmark() -> None:
 
 
 @pytest.mark.slow
-def test_the_same_exploration_gives_the_same_picture(tmp_path: Path) -> None:
-    # Of the formats the one that names what it holds; that others hold no date test_plotting.py asks.
-    files = [tmp_path / f"{name}.svg" for name in "ab"]
-    for file in files:
-        save_exploration_figure(file, made_exploration())
-    assert files[0].read_bytes() == files[1].read_bytes()
-
-
-@pytest.mark.slow
 def test_an_exploration_of_one_reading_and_without_robot_is_drawn(tmp_path: Path) -> None:
     result = made_exploration()
     world = replace(result.world, robot=None)
