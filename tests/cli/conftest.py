@@ -16,9 +16,8 @@ import typer
 from tests.helpers.kernels import ready
 
 import trailmark
+from trailmark import ConfigurationError, PlanResult
 from trailmark.cli import app, main
-from trailmark.errors import ConfigurationError
-from trailmark.planning import PlanResult
 
 __all__ = ["planner", "ready", "shell", "terminal", "yard"]
 

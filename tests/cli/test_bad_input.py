@@ -14,10 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.helpers.logs import write_mrclam
 
-from trailmark import plotting
+from trailmark import TrailmarkError, plotting
 from trailmark.cli import options
 from trailmark.cli.options import Kind
-from trailmark.errors import TrailmarkError
 from trailmark.formats import path_files
 
 Shell = Callable[..., Any]

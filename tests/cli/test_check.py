@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from trailmark import FormatError, Steering
 from trailmark.cli.check import recorded_path
-from trailmark.curves import Steering
-from trailmark.errors import FormatError
 from trailmark.formats.any_path import PathFile, read_any_path
 from trailmark.formats.path_files import write_path
 from trailmark.trajectories import CurvePath

@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 from tests.helpers.logs import POSTS, START, recorded, write_mrclam
 
+from trailmark import Disc, Robot, World
 from trailmark.estimation import Pose, regrow, save_log
-from trailmark.shapes import Disc
-from trailmark.world import Robot, World
 
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]

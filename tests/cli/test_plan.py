@@ -13,15 +13,9 @@ import numpy as np
 import pytest
 import typer
 
-from trailmark import se2
+from trailmark import CurvePath, Goal, Objective, PlannerSettings, Robot, Steering, se2
 from trailmark.cli import app
-from trailmark.curves import Steering
 from trailmark.formats.any_path import read_any_path
-from trailmark.planning import PlannerSettings
-from trailmark.trajectories import CurvePath
-from trailmark.world import Robot
-from trailmark.world.goals import Goal
-from trailmark.world.objective import Objective
 
 Shell = Callable[..., Any]
 

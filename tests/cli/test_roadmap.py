@@ -11,9 +11,8 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from trailmark.collision import StateChecker
+from trailmark import StateChecker, World
 from trailmark.roadmap import Roadmap, read_route_graph
-from trailmark.world import World
 
 Shell = Callable[..., Any]
 

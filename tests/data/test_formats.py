@@ -13,9 +13,8 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image
 
+from trailmark import SpeedZone, World
 from trailmark.formats.any_path import read_any_path
-from trailmark.world import World
-from trailmark.world.zones import SpeedZone
 
 
 def region(world: World) -> shapely.Geometry:

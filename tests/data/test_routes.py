@@ -13,8 +13,7 @@ import pytest
 import shapely
 from tests.helpers.kernels import ready
 
-from trailmark import LandmarkPlanner, Robot, World, check_path
-from trailmark.collision import StateChecker
+from trailmark import LandmarkPlanner, Robot, StateChecker, World, check_path
 from trailmark.roadmap import read_route_graph
 from trailmark.se2 import transform
 

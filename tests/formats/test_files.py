@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from trailmark.errors import FormatError, OutputError
+from trailmark import FormatError, OutputError, World
 from trailmark.formats import files
 from trailmark.formats.files import require_not_an_input
 from trailmark.plotting import save_world_figure
-from trailmark.world import World
 
 NAV2 = "image: yard.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\n"
 

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from trailmark.errors import FormatError
+from trailmark import Disc, FormatError, Rectangle
 from trailmark.formats.gazebo import read_gazebo_shapes
-from trailmark.shapes import Disc, Rectangle
 
 WORLD = """<sdf version='1.6'><world name='default'>{}
 <state world_name='default'><model name='a'><pose>9 9 0 0 0 0</pose></model></state></world></sdf>"""

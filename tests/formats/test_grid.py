@@ -17,8 +17,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from trailmark.collision import StateChecker
-from trailmark.errors import FormatError, ShapeError, TrailmarkError, WorldError
+from trailmark import FormatError, Robot, ShapeError, StateChecker, TrailmarkError, World, WorldError
 from trailmark.formats.grid import (
     MAX_CELLS,
     CellObstacles,
@@ -30,7 +29,6 @@ from trailmark.formats.grid import (
 )
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.shapes import Disc, Polygon, signed_area
-from trailmark.world import Robot, World
 from trailmark.world.world_file import world_fields, world_text
 
 grids = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans())

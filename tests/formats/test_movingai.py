@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark.errors import FormatError
+from trailmark import FormatError, Query, World
 from trailmark.formats.movingai import parse_grid, read_scenarios
-from trailmark.world import Query, World
 
 FILE = Path("a.map")
 
@@ -32,10 +31,7 @@ def test_world(tmp_path: Path) -> None:
     assert world.name == "a"
     assert world.bounds == (0.0, 0.0, 3.0, 2.0)
     assert [shape.bounding_box() for shape in world.obstacles] == [(0.0, 1.0, 1.0, 2.0)]
-    assert world.queries == (
-        Query("0", (1.5, 1.5, 0.0), (2.5, 0.5, 0.0)),
-        Query("1", (2.5, 0.5, 0.0), (0.5, 0.5, 0.0)),
-    )
+    assert world.queries == (Query("0", (1.5, 1.5, 0.0), (2.5, 0.5, 0.0)), Query("1", (2.5, 0.5, 0.0), (0.5, 0.5, 0.0)))
     assert world.robot is None
 
 

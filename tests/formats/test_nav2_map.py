@@ -15,12 +15,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from trailmark.errors import FormatError, WorldError
+from trailmark import Disc, FormatError, KeepOutZone, Polygon, Rectangle, SpeedZone, WorldError
 from trailmark.formats.nav2_map import free_cells, read_mask, save_nav2_map
 from trailmark.formats.schema import MapFile
-from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import ObstacleEstimate, World
-from trailmark.world.zones import KeepOutZone, SpeedZone
 
 
 def obstacles_at(world: World, points: NDArray[np.float64]) -> NDArray[np.bool_]:

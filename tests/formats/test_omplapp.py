@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark.errors import FormatError
-from trailmark.world import Query, World
+from trailmark import FormatError, Query, World
 
 CFG = """[problem]
 name = Yard

@@ -14,8 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.helpers.trials import THOROUGH, few
 
-from trailmark import se2
-from trailmark.errors import ConfigurationError, OutputError, WorldError
+from trailmark import ConfigurationError, OutputError, Path, WorldError, se2
 from trailmark.formats.any_path import read_any_path
 from trailmark.formats.path_files import (
     HEADER,
@@ -28,7 +27,6 @@ from trailmark.formats.path_files import (
     write_trajectory,
     write_tum,
 )
-from trailmark.trajectories.path import Path
 
 number = st.floats(-1e9, 1e9)
 states = st.lists(st.tuples(number, number, st.floats(-math.pi, math.pi, exclude_min=True)), min_size=1, max_size=9)

@@ -8,8 +8,7 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image
 
-from trailmark.errors import FormatError
-from trailmark.world import Query, World
+from trailmark import FormatError, Query, World
 
 GREY, FREE, YELLOW = (127, 127, 127, 255), (195, 195, 194, 255), (255, 216, 0, 255)
 KINDS = {"#": GREY, ".": FREE, "s": YELLOW}

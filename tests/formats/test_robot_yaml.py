@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from trailmark.errors import FormatError
-from trailmark.world.robot import Robot
+from trailmark import FormatError, Robot
 
 CORNERS = [[0.21, 0.195], [0.21, -0.195], [-0.21, -0.195], [-0.21, 0.195]]
 BOX = Robot.polygon(CORNERS)

@@ -6,9 +6,8 @@ import math
 from functools import cache
 from pathlib import Path
 
+from trailmark import Disc, World
 from trailmark.estimation import Detector, Log, RangeBearing, Scanner, Unicycle, simulate
-from trailmark.shapes import Disc
-from trailmark.world import World
 
 POSTS = [(2.0, 2.2), (5.0, 1.0), (9.5, 1.5), (10.5, 5.0), (7.0, 6.5), (3.0, 6.8), (1.0, 5.0), (6.0, 3.8)]
 WAY = [[1.0, 1.0], [8.0, 2.6], [9.0, 5.0], [4.5, 5.3], [2.2, 4.0], [1.2, 1.6], [8.0, 2.4]]

@@ -8,13 +8,11 @@ from functools import cache
 
 import numpy as np
 
-from trailmark import Rectangle, Robot, World
-from trailmark.collision import StateChecker
+from trailmark import Rectangle, Roadmap, Robot, StateChecker, World
 from trailmark.estimation.records import Increment, Log, Pose, Record
 from trailmark.estimation.virtual_sensors import RayCaster, Scanner
 from trailmark.exploration.known_map import UNKNOWN, KnownMap
 from trailmark.exploration.result import Evaluation, ExplorationProgress, ExplorationResult, ExplorationSettings
-from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
 
 __all__ = ["ROOMS", "made_exploration"]

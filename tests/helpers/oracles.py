@@ -17,11 +17,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.affinity import rotate
 
-from trailmark import Objective, Trajectory, se2
-from trailmark.collision import StateChecker
-from trailmark.shapes import Disc
-from trailmark.world import Robot, World
-from trailmark.world.zones import CostZone, SpeedZone
+from trailmark import CostZone, Disc, Objective, Robot, SpeedZone, StateChecker, Trajectory, World, se2
 
 __all__ = [
     "BAND",

@@ -9,12 +9,11 @@ from typing import Any
 
 import pytest
 
+from trailmark import Disc, Query, Rectangle, Robot, World
 from trailmark.benchmark.planners import spacing_of
 from trailmark.benchmark.problems import Job, Problem, problems_of
 from trailmark.benchmark.record import RunRecord, Status
 from trailmark.benchmark.workers import Worker
-from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Query, Robot, World
 
 ROOT = Path(__file__).resolve().parents[2]
 START, GOAL = (1.0, 1.0, 0.0), (9.0, 1.0, 0.0)

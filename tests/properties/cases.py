@@ -12,14 +12,10 @@ from hypothesis import strategies as st
 from tests.helpers.oracles import Oracle, motion_states
 from tests.helpers.worlds import ROBOTS, random_states, random_world, short_motions, star_polygon
 
-from trailmark import se2
-from trailmark.collision import StateChecker
+from trailmark import Disc, KeepOutZone, Robot, StateChecker, se2
 from trailmark.motion import CurveMotion, Motion, motion_of
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc
 from trailmark.trajectories import path_of
-from trailmark.world import Robot
-from trailmark.world.zones import KeepOutZone
 
 __all__ = ["DRIVES", "Case", "cases", "driven", "longest_step", "motions", "near_contact"]
 

@@ -16,7 +16,7 @@ from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, box
 from tests.properties.cases import DRIVES, Case, cases, driven, longest_step, motions
 
-from trailmark import se2
+from trailmark import World, se2
 from trailmark.collision import StateChecker, kernels
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.motion.pointwise import PointwiseChecker
@@ -24,7 +24,6 @@ from trailmark.planning.verification import WITHIN, Verification
 from trailmark.shapes import Disc, Shape
 from trailmark.trajectories import Path, path_of
 from trailmark.verify import RIM, Verifier, check_path
-from trailmark.world import World
 
 SAMPLES = 150
 """Places of a motion that the oracle looks at."""

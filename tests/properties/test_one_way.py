@@ -11,8 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tests.helpers.trials import few
 
-from trailmark import OneWayZone, Polygon, Robot, World, check_path, se2
-from trailmark.collision import StateChecker
+from trailmark import OneWayZone, Polygon, Robot, StateChecker, World, check_path, se2
 from trailmark.curves.shortest import curve_words
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.se2 import FloatArray

@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 from tests.helpers.oracles import Oracle, motion_states
 
+from trailmark import PathAuditor, Robot, Steering, World
 from trailmark.collision import StateChecker, kernels
-from trailmark.curves import Steering
 from trailmark.formats.grid import CellObstacles
 from trailmark.motion import CurveMotion
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.verify import PathAuditor
-from trailmark.world import Robot, World
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from trailmark import errors
-from trailmark.errors import FormatError
+from trailmark import FormatError, errors
 
 
 def test_the_standard_classes_catch_them_too() -> None:

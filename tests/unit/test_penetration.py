@@ -9,11 +9,9 @@ import pytest
 import shapely
 from tests.helpers.trials import trials
 
-from trailmark import se2
-from trailmark.errors import ShapeError
+from trailmark import Robot, ShapeError, se2
 from trailmark.penetration import Penetration, bounds_depth
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape, triangulate
-from trailmark.world import Robot
 
 U_SHAPE = Polygon(np.array([[0, 0], [4, 0], [4, 4], [3, 4], [3, 1], [1, 1], [1, 4], [0, 4.0]]))
 RING = Polygon(np.array([[-3, -3], [3, -3], [3, 3], [-3, 3.0]]), (np.array([[-2, -2], [2, -2], [2, 2], [-2, 2.0]]),))

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark import se2
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, se2
 
 EDGE_ANGLES = [0.0, -0.0, math.pi, -math.pi, np.nextafter(math.pi, 0), np.nextafter(-math.pi, 0), 1e-300, -1e-300]
 

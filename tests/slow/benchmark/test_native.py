@@ -24,13 +24,11 @@ from numpy.typing import NDArray
 from tests.helpers.oracles import Oracle
 from tests.helpers.trials import few
 
+from trailmark import Disc, Polygon, Query, Rectangle, Robot, StateChecker, World
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.record import RunRecord, Status
 from trailmark.benchmark.referee import Referee
-from trailmark.collision import StateChecker
-from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.trajectories.path import Path as StatePath
-from trailmark.world import Query, Robot, World
 
 built = pytest.mark.skipif(
     native_program() is None, reason="native program not built (see benchmarks/native/README.md)"

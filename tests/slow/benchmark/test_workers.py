@@ -17,13 +17,11 @@ import pytest
 from tests.helpers.rogues import PREPARING
 from tests.helpers.runs import job
 
+from trailmark import Path, Polygon, Query, Robot, World
 from trailmark.benchmark.errors import WorkerError
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.record import Status
 from trailmark.benchmark.workers import Worker
-from trailmark.shapes import Polygon
-from trailmark.trajectories.path import Path
-from trailmark.world import Query, Robot, World
 
 ROGUES = "tests.helpers.rogues:"
 

@@ -61,18 +61,12 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     return methods | {
         "load_log": (e.load_log, {"path": file} | READ),
         "save_log": (e.save_log, {"log": LOG, "path": file.with_name("new.jsonl")}),
-        "map_log": (
-            e.map_log,
-            {"log": LOG, "settings": None, "robot": None, "confidence": None, "on_progress": None},
-        ),
+        "map_log": (e.map_log, {"log": LOG, "settings": None, "robot": None, "confidence": None, "on_progress": None}),
         "map_scans": (
             e.map_scans,
             {"log": SCANS, "poses": "auto", "settings": None, "robot": None, "confidence": None, "on_progress": None},
         ),
-        "simulate": (
-            e.simulate,
-            {"world": WORLD, "states": PATH, "motion": MOTION, **DRIVE, "random_state": 0},
-        ),
+        "simulate": (e.simulate, {"world": WORLD, "states": PATH, "motion": MOTION, **DRIVE, "random_state": 0}),
         "sense_obstacles": (e.sense_obstacles, {"world": WORLD, "poses": 4, "sensor": SENSOR, **SENSE}),
         "refine_points": (e.refine_points, {"readings": [[[2.0, 0.5]]], "poses": PATH[0], "sensor": SENSOR}),
         "disc_estimates": (
@@ -90,10 +84,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
                 "end_sigma": 0.1,
             },
         ),
-        "grow": (
-            e.grow,
-            {"estimate": ESTIMATE, "confidence": 0.9, "pose_covariance": None, "reach": 0.0, "sides": 16},
-        ),
+        "grow": (e.grow, {"estimate": ESTIMATE, "confidence": 0.9, "pose_covariance": None, "reach": 0.0, "sides": 16}),
         "regrow": (e.regrow, {"world": GROWN, "confidence": 0.9, "weights": None, "pose_covariance": None}),
         "refined": (e.refined, {"world": GROWN, "estimates": {0: ESTIMATE}}),
         "path_risk": (e.path_risk, {"world": GROWN, "states": PATH, "draws": 10, "seed": 0, "margin": 0.0}),

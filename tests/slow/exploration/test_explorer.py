@@ -15,7 +15,7 @@ from tests.helpers import exploration_faults as faults
 from tests.helpers.explore_oracle import overlaps, seen_share, truth_of
 from tests.helpers.trials import trials
 
-from trailmark import ConfigurationError, LandmarkPlanner, Rectangle, Robot, World
+from trailmark import ConfigurationError, LandmarkPlanner, Query, Rectangle, Robot, World
 from trailmark.estimation.records import Record
 from trailmark.estimation.virtual_sensors import RayCaster, Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationResult, ExplorationSettings, Explorer, Outlook
@@ -23,7 +23,6 @@ from trailmark.exploration.explorer import MAX_BLOCKED, MAX_STILL
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.exploration.result import keep_exploration, load_exploration
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
-from trailmark.world import Query
 
 ROBOT = Robot.disc(0.2)
 BOUNDS = (0.0, 0.0, 6.0, 4.0)

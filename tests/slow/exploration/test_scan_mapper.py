@@ -13,6 +13,7 @@ import shapely.affinity
 from tests.helpers.exploration_faults import Fault, Faulty, Impossible, frozen_odometry, miscounted, silence
 from tests.helpers.trials import trials
 
+from trailmark import Disc, Rectangle, Robot, World
 from trailmark.estimation import load_log, map_log
 from trailmark.estimation.readers.jsonl import write_jsonl
 from trailmark.estimation.records import Log, Pose, Scan
@@ -22,8 +23,6 @@ from trailmark.exploration.result import ExplorationSettings
 from trailmark.exploration.scan_mapper import ScanMapper
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 from trailmark.se2 import FloatArray, between, compose, difference
-from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Robot, World
 
 WALL = Rectangle((6.0, 2.0), 1.0, 4.0)
 WORLD = World("room", (0.0, 0.0, 10.0, 8.0), (WALL, Disc((3.0, 6.0), 0.5), Disc((8.0, 2.0), 0.2)))

@@ -7,12 +7,11 @@ import pytest
 import shapely
 from tests.helpers.explore_oracle import truth_of
 
+from trailmark import Disc, Query, Rectangle, Robot, World
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 from trailmark.exploration.visible_area import evaluate, reachable_places, visible_area
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Query, Robot, World
 
 BOUNDS = (0.0, 0.0, 8.0, 4.0)
 DISC = Robot.disc(0.25)

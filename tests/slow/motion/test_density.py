@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from tests.helpers.oracles import sampled_cost
 from tests.helpers.trials import trials
 
-from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
+from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, Robot, SpeedZone, StateChecker, World
 from trailmark.motion import Motion, motion_of
 from trailmark.motion.density import line_cost, sort_in_place
-from trailmark.world.robot import Robot
 from trailmark.world.zones import Zone
 
 OBSTACLES = (

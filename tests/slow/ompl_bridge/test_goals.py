@@ -111,7 +111,7 @@ for name in ("landmark", "RRTstar"):
     ends = [[state(problem.information, q) for q in pair] for pair in zip(rows[:-1], rows[1:])]
     tell(**{name: sum(objective.motionCost(*pair).value() for pair in ends)})
     problem.setup.clear()
-""",
+"""
     )
     assert found["direct"] == pytest.approx(4.0 + 4.0 * 4.0)
     assert 0.0 < found["bound"] <= 8.0 + 1e-9

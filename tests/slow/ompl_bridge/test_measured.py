@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from tests.helpers.runs import small_world
 
+from trailmark import Path, Query, Rectangle, Robot, World
 from trailmark.ompl_bridge import SE2Problem
 from trailmark.ompl_bridge.measured import graph_size, measure, simplify
-from trailmark.shapes import Rectangle
-from trailmark.trajectories.path import Path
-from trailmark.world import Query, Robot, World
 
 
 def problem(certified: bool) -> SE2Problem:
@@ -21,11 +19,7 @@ def problem(certified: bool) -> SE2Problem:
 
 @pytest.mark.parametrize(
     ("name", "certified"),
-    [
-        *((name, True) for name in ("RRTstar", "PRMstar", "BITstar", "RRTConnect")),
-        ("RRTstar", False),
-        ("PRM", False),
-    ],
+    [*((name, True) for name in ("RRTstar", "PRMstar", "BITstar", "RRTConnect")), ("RRTstar", False), ("PRM", False)],
 )
 def test_a_run_is_measured(name: str, certified: bool) -> None:
     posed = problem(certified)

@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from tests.helpers.oracles import Oracle, motion_states
 
-from trailmark import se2
-from trailmark.collision import StateChecker
+from trailmark import Disc, Robot, StateChecker, World, se2
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.sparse_path import SLACK, sparse_path
-from trailmark.shapes import Disc
-from trailmark.world import Robot, World
 
 
 def around_a_pillar(n: int) -> tuple[StateChecker, np.ndarray]:

@@ -7,13 +7,8 @@ import pytest
 from tests.helpers.oracles import Oracle, motion_states
 from tests.helpers.trials import QUICK
 
-from trailmark.collision import StateChecker
+from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Rectangle, Robot, StateChecker, World
 from trailmark.errors import ConfigurationError, ShapeError, TrailmarkError
-from trailmark.planning import LandmarkPlanner
-from trailmark.shapes import Disc, Rectangle
-from trailmark.trajectories import CurvePath
-from trailmark.trajectories.path import Path
-from trailmark.world import Robot, World
 
 CAR = Robot.rectangle(0.6, 0.4)
 ALLOWED = 1e-7

@@ -7,12 +7,11 @@ import pytest
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, PlannerSettings, StateChecker, World
+from trailmark import Disc, LandmarkPlanner, PlannerSettings, Robot, StateChecker, World
 from trailmark.motion import motion_of
 from trailmark.penetration import Penetration
 from trailmark.planning.escape import way_out
 from trailmark.trajectories import path_of
-from trailmark.world import Robot
 
 
 def depth_of(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:

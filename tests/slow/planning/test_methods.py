@@ -7,13 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark import LandmarkPlanner
-from trailmark.errors import ConfigurationError
-from trailmark.planning import PlannerSettings, PlanResult
+from trailmark import ConfigurationError, LandmarkPlanner, PlannerSettings, PlanResult, Rectangle, Robot, World
 from trailmark.planning.incumbent import GAP
 from trailmark.planning.settings import METHODS, STAGES
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
 
 WALLS = (Rectangle((4.0, 1.5), 0.5, 3.0), Rectangle((8.0, 4.5), 0.5, 3.0))
 WORLD = World("two-walls", (0, 0, 12, 6), WALLS)

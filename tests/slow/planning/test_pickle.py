@@ -11,9 +11,8 @@ from typing import NamedTuple
 import pytest
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot
+from trailmark import Disc, LandmarkPlanner, Moving, PlannerSettings, PlanResult, Robot
 from trailmark.landmarks import free_samples
-from trailmark.planning.settings import PlannerSettings
 
 WORLD = random_world(3, 40, size=40.0, discs=0.3)
 LIMIT = 600.0

@@ -20,15 +20,10 @@ from numpy.typing import NDArray
 from tests.helpers.interrupts import interrupted
 from tests.helpers.worlds import ROBOTS, random_states, random_world
 
-from trailmark import LandmarkPlanner, PlannerSettings
-from trailmark.collision import StateChecker
+from trailmark import CurvePath, LandmarkPlanner, PlannerSettings, Roadmap, Robot, StateChecker, Steering
 from trailmark.collision.kernels import FREE
-from trailmark.curves import Steering
 from trailmark.motion import CurveMotion
 from trailmark.planning.warmup import warm_up
-from trailmark.roadmap import Roadmap
-from trailmark.trajectories import CurvePath
-from trailmark.world import Robot
 
 FloatArray = NDArray[np.float64]
 

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark import Goal, LandmarkPlanner, Path, Rectangle, Robot, World
-from trailmark.planning.result import PlanResult
-from trailmark.world.zones import KeepOutZone
+from trailmark import Goal, KeepOutZone, LandmarkPlanner, Path, PlanResult, Rectangle, Robot, World
 
 START, BEHIND = (1.0, 1.0, 0.0), (9.0, 1.0, 0.0)
 RECTANGLE = Robot.rectangle(0.6, 0.4)

@@ -17,11 +17,9 @@ from tests.helpers.oracles import judge
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.search.cost_to_go import CostToGo
 from trailmark.search.lattice import Lattice
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 

@@ -8,13 +8,11 @@ import shapely
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, Path, Rectangle, Robot, StateChecker, World, se2
+from trailmark import Disc, LandmarkPlanner, Moving, Path, Rectangle, ReplanResult, Robot, StateChecker, World, se2
 from trailmark.collision.footprint import build_footprint
-from trailmark.planning.result import ReplanResult
 from trailmark.planning.space_time import MovingObstacles, motions_clear
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon, Shape
-from trailmark.world.moving import Moving
 
 START, GOAL = np.array([2.0, 10.0, 0.0]), np.array([38.0, 10.0, 0.0])
 FIELD = World("field", (0.0, 0.0, 40.0, 20.0))

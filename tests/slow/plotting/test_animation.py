@@ -13,8 +13,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
-from trailmark import Disc, Path, Rectangle, World
-from trailmark.errors import OutputError
+from trailmark import Disc, OutputError, Path, Rectangle, World
 from trailmark.estimation import Detector, MappedLog, MapSettings, RangeBearing, Scanner, Unicycle, map_log, simulate
 from trailmark.plotting import Frame, save_animation, save_trajectory_animation
 from trailmark.plotting.mapped import draw_map

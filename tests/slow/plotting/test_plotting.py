@@ -16,21 +16,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from tests.helpers.pictures import colours_of, is_colour
 
-from trailmark import plotting
-from trailmark.collision import StateChecker
-from trailmark.curves import Steering
-from trailmark.errors import OutputError
+from trailmark import CurvePath, Moving, OutputError, Path, PlanResult, StateChecker, Steering, check_path, plotting
 from trailmark.motion import motion_of
-from trailmark.planning.result import PlanResult
 from trailmark.plotting import OBSTACLE, draw_plan, save_audit_figure, save_world_figure
 from trailmark.plotting.world import draw_world
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.shown import COLLISION, REPAIRED
-from trailmark.trajectories import CurvePath
-from trailmark.trajectories.path import Path
-from trailmark.verify import check_path
 from trailmark.world import Query, Robot, World
-from trailmark.world.moving import Moving
 from trailmark.world.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 CAR = Robot.rectangle(0.8, 0.4)

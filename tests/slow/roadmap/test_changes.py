@@ -15,15 +15,13 @@ from tests.helpers.interrupts import interrupted, places_run
 from tests.helpers.trials import few, thorough
 from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
-from trailmark.collision import StateChecker
+from trailmark import ConfigurationError, Robot, StateChecker, World
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
-from trailmark.errors import ConfigurationError
 from trailmark.landmarks import free_samples
 from trailmark.motion import motion_of
 from trailmark.roadmap import EdgeStatus, Roadmap
 from trailmark.roadmap.revalidation import revalidated
 from trailmark.shapes import Shape
-from trailmark.world import Robot, World
 
 Action = Callable[[Roadmap], object]
 

@@ -7,17 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from tests.slow.ros.support import (
-    CORNERS,
-    SQUARE,
-    collides,
-    facts,
-    filled,
-    room,
-    stamped,
-    states,
-    turned,
-)
+from tests.slow.ros.support import CORNERS, SQUARE, collides, facts, filled, room, stamped, states, turned
 
 from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped  # isort: skip
 from nav2_msgs.action import ComputePathThroughPoses  # isort: skip

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from tests.helpers.oracles import Oracle
 
-from trailmark.collision import StateChecker
+from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.landmarks import Relaxation
 from trailmark.motion import CurveMotion
 from trailmark.search.hybrid_astar import Reached, hybrid_astar
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
 
 # A slot for parking, 1.6 m longer than the car.
 WALLS = (Rectangle((4.0, 2.0), 8.0, 2.0), Rectangle((17.6, 2.0), 8.0, 2.0), Rectangle((10.0, 0.4), 20.0, 0.8))

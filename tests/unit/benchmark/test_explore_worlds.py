@@ -9,11 +9,9 @@ import pytest
 from tests.helpers.explore_oracle import boundary_errors, overlaps, seen_share, tour_length, truth_of
 from tests.helpers.explore_worlds import KINDS, explore_world
 
-from trailmark.collision import StateChecker
+from trailmark import Query, Rectangle, Robot, StateChecker, World
 from trailmark.exploration.known_map import FREE
 from trailmark.exploration.visible_area import reachable_places, visible_area
-from trailmark.shapes import Rectangle
-from trailmark.world import Query, Robot, World
 from trailmark.world.estimates import ObstacleEstimate
 
 

@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 from tests.helpers.runs import small_world
 
+from trailmark import CurvePath, FormatError, Goal, Path, Query, Robot, Steering, World, WorldError
 from trailmark.benchmark.problems import Problem, problems_of, read_problem
-from trailmark.curves import Steering
-from trailmark.errors import FormatError, WorldError
 from trailmark.formats.grid import cells_of
-from trailmark.trajectories import CurvePath, Path
-from trailmark.world import Query, Robot, World
-from trailmark.world.goals import Goal
 
 
 def test_a_world_poses_one_problem_a_query() -> None:

@@ -10,14 +10,12 @@ import shapely
 from PIL import Image
 from tests.helpers.trials import few
 
+from trailmark import FormatError, Robot, StateChecker, World
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.public import PUBLIC
 from trailmark.benchmark.public.base import evenly
 from trailmark.benchmark.public.graded import CLUTTER, SPARE
 from trailmark.benchmark.public.nav2 import Places, is_map
-from trailmark.collision import StateChecker
-from trailmark.errors import FormatError
-from trailmark.world import Robot, World
 
 FOLDERS = {"movingai": "movingai", "omplapp": "omplapp", "nav2": "nav2", "barn": "barn"}
 """Of the suites whose data is at hand, in the folder of real data."""

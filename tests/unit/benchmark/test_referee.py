@@ -11,15 +11,9 @@ from hypothesis import strategies as st
 from tests.helpers.runs import GOAL, START, small_world
 from tests.helpers.trials import few
 
-from trailmark import se2
+from trailmark import Disc, LandmarkPlanner, OneWayZone, Polygon, Rectangle, Robot, StateChecker, Steering, World, se2
 from trailmark.benchmark.referee import Referee
-from trailmark.collision import StateChecker
-from trailmark.curves import Steering
 from trailmark.motion import motion_of
-from trailmark.planning import LandmarkPlanner
-from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.world import Robot, World
-from trailmark.world.zones import OneWayZone
 
 ROOM = small_world()
 ROBOT = Robot.rectangle(0.8, 0.4)

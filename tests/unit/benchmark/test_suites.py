@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from trailmark import FormatError, Query
 from trailmark.benchmark.planners import read_planners
 from trailmark.benchmark.suites import read_suite
-from trailmark.errors import FormatError
-from trailmark.world import Query
 
 SUITES = Path(__file__).resolve().parents[3] / "benchmarks" / "suites"
 

@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 from tests.helpers.worlds import ROBOTS, box, grown_world, random_states, random_world, short_motions
 
-from trailmark import Query
-from trailmark.collision import StateChecker
+from trailmark import ConfigurationError, Query, StateChecker, WorldError
 from trailmark.collision.explain import invalid_reason
 from trailmark.collision.fcl_scene import FclScene
-from trailmark.errors import ConfigurationError, WorldError
 from trailmark.estimation import regrow
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import ObstacleEstimate, RiskBound, Robot, World

@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trailmark.collision import StateChecker
+from trailmark import Robot, StateChecker, World
 from trailmark.collision.fcl_scene import FclScene
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.world import Robot, World
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 DIAMOND = Robot.polygon([(1, 0), (0, 1), (-1, 0), (0, -1)])

@@ -13,13 +13,11 @@ from tests.helpers.oracles import signed_distances
 from tests.helpers.trials import few
 from tests.helpers.worlds import random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Polygon, Robot, StateChecker, World
 from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField, build_field
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import build_grid
-from trailmark.shapes import Polygon
-from trailmark.world import Robot, World
 
 
 def values_at(field: ClearanceField, points: np.ndarray) -> np.ndarray:

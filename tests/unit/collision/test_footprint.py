@@ -9,11 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.helpers.worlds import ROBOTS, star_polygon
 
-from trailmark.collision import StateChecker
+from trailmark import Robot, StateChecker, World
 from trailmark.collision.footprint import build_footprint
 from trailmark.shapes import Disc, signed_area
 from trailmark.touching import TOUCHING_TOLERANCE, eroded, overlap_core
-from trailmark.world import Robot, World
 
 SHAPES = {
     **ROBOTS,

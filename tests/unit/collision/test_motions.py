@@ -9,10 +9,8 @@ import pytest
 from tests.helpers.oracles import Oracle, motion_states
 from tests.helpers.worlds import box
 
-from trailmark import se2
-from trailmark.collision import StateChecker
+from trailmark import Robot, StateChecker, World, se2
 from trailmark.shapes import Disc, Shape
-from trailmark.world import Robot, World
 
 BOUNDS = (0.0, 0.0, 20.0, 20.0)
 

@@ -11,15 +11,11 @@ import numpy as np
 import pytest
 from tests.helpers.trials import few, trials
 
-from trailmark import se2
-from trailmark.curves import Steering
+from trailmark import ConfigurationError, CurvePath, Robot, Steering, se2
 from trailmark.curves.dubins import dubins_words
 from trailmark.curves.reeds_shepp import reeds_shepp_words
 from trailmark.curves.shortest import MAX_WORDS, all_words, curve_states
 from trailmark.curves.words import copy_word, rounding, seen_from, unit_length, walk
-from trailmark.errors import ConfigurationError
-from trailmark.trajectories import CurvePath
-from trailmark.world import Robot
 
 ORACLE = """
 import sys

@@ -14,6 +14,7 @@ from scipy.stats import binom, chi2
 from tests.helpers.alignment import aligned, rms
 from tests.helpers.trials import few, trials
 
+from trailmark import Disc, World
 from trailmark.estimation import (
     Detection,
     Detector,
@@ -37,8 +38,6 @@ from trailmark.estimation.noise_fit import Batch
 from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Record
 from trailmark.se2 import wrap
-from trailmark.shapes import Disc
-from trailmark.world import World
 
 POSTS = np.array([[2.0, 2.2], [5.0, 1.0], [9.5, 1.5], [10.5, 5.0], [7.0, 6.5], [3.0, 6.8], [1.0, 5.0], [6.0, 3.8]])
 YARD = World("yard", (0.0, 0.0, 12.0, 8.0), tuple(Disc((float(x), float(y)), 0.15) for x, y in POSTS))

@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from tests.helpers.alignment import aligned
 
+from trailmark import Disc, Rectangle, Robot, World
 from trailmark.estimation import (
     Detection,
     Detector,
@@ -38,8 +39,6 @@ from trailmark.estimation.mapping import association_doubts, gap_warnings, log_w
 from trailmark.estimation.obstacles import disc_estimates
 from trailmark.estimation.records import Record
 from trailmark.se2 import compose
-from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Robot, World
 
 CENTRES = np.array([[2.0, 2.2], [5.0, 1.0], [9.5, 1.5], [10.5, 5.0], [7.0, 6.5], [3.0, 6.8], [1.0, 5.0], [6.0, 3.8]])
 RADIUS = 0.15

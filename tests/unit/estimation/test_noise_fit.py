@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from tests.helpers.alignment import aligned, rms
 from tests.helpers.trials import trials
 
+from trailmark import Disc, World
 from trailmark.estimation import Detector, RangeBearing, Unicycle, simulate
 from trailmark.estimation.landmark_graph import polar_readings, relative_covariance
 from trailmark.estimation.models import PoseIncrement
 from trailmark.estimation.noise_fit import Batch, correlation_time, disagreement, misfit, scale
 from trailmark.estimation.odometry import OdometryTrack
 from trailmark.estimation.records import Detection, Log, Odometry, Pose, Record
-from trailmark.shapes import Disc
-from trailmark.world import World
 
 FloatArray = NDArray[np.float64]
 POSTS = np.array([[2.0, 2.2], [5.0, 1.0], [9.5, 1.5], [10.5, 5.0], [7.0, 6.5], [3.0, 6.8], [1.0, 5.0], [6.0, 3.8]])

@@ -14,14 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.helpers.ray_casting import cast, end_points, room
 
+from trailmark import Disc, Polygon, Rectangle, Robot, World
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.grid import EvidenceGrid
 from trailmark.estimation.map_settings import MappingSettings
 from trailmark.estimation.obstacles import ScanMap, find_obstacles, map_scans, wall_estimate
 from trailmark.estimation.records import Scan
 from trailmark.estimation.scan_features import DiscTracks, LineTracks, Observation, ScanSettings
-from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.world import Robot, World
 
 OUTER = room(0.0, 0.0, 10.0, 5.0)
 PARTITION = shapely.union(shapely.box(4.9, 0.0, 5.1, 2.0), shapely.box(4.9, 3.0, 5.1, 5.0))

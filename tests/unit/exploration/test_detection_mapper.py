@@ -12,7 +12,7 @@ import shapely
 from tests.helpers.exploration_faults import Fault, Faulty, Impossible, miscounted, repeated, silence
 from tests.helpers.trials import trials
 
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, Disc, Robot, World
 from trailmark.estimation import load_log, map_log
 from trailmark.estimation.models import RangeBearing
 from trailmark.estimation.readers.jsonl import write_jsonl
@@ -23,8 +23,6 @@ from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.exploration.result import ExplorationSettings
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector
 from trailmark.se2 import FloatArray, between, compose, transform
-from trailmark.shapes import Disc
-from trailmark.world import Robot, World
 
 BOUNDS = (0.0, 0.0, 16.0, 12.0)
 PLACES = [(4, 4, 0.3), (7, 2, 0.4), (9, 6, 0.2), (3, 9, 0.3), (12, 3, 0.4), (13, 9, 0.3), (8, 10, 0.25), (5, 6.5, 0.3)]

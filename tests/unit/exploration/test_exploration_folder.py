@@ -12,20 +12,10 @@ import shapely
 from PIL import Image
 from tests.helpers.made_exploration import made_exploration
 
-from trailmark import World
-from trailmark.collision import StateChecker
-from trailmark.errors import FormatError, OutputError
+from trailmark import FormatError, OutputError, Roadmap, StateChecker, World
 from trailmark.estimation import load_log
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
-from trailmark.exploration.result import (
-    FILES,
-    Evaluation,
-    check_folder,
-    load_exploration,
-    save_exploration,
-    summary_of,
-)
-from trailmark.roadmap import Roadmap
+from trailmark.exploration.result import FILES, Evaluation, check_folder, load_exploration, save_exploration, summary_of
 
 DATA = [name for name in FILES if not name.startswith("exploration")]
 

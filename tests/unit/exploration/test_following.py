@@ -7,8 +7,7 @@ import pytest
 import shapely
 from tests.helpers.trials import few
 
-from trailmark import Path, Rectangle, Robot, World
-from trailmark.collision import StateChecker
+from trailmark import Path, Rectangle, Robot, StateChecker, World
 from trailmark.collision.footprint import build_footprint
 from trailmark.exploration.following import STEP, PathFollower, contact_points, way_back, way_back_to
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap

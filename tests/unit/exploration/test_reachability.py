@@ -16,15 +16,7 @@ from tests.helpers.trials import trials
 
 from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
-from trailmark.exploration.reachability import (
-    CERTAIN,
-    NOWHERE,
-    TIGHT,
-    Travel,
-    costs_between,
-    perhaps_reached,
-    reach_of,
-)
+from trailmark.exploration.reachability import CERTAIN, NOWHERE, TIGHT, Travel, costs_between, perhaps_reached, reach_of
 
 CELL = 0.1
 

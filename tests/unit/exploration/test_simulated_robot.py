@@ -9,12 +9,10 @@ import shapely
 import shapely.affinity
 from tests.helpers.trials import few, trials
 
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, Disc, Rectangle, Robot, World
 from trailmark.estimation.records import Detection, Increment, Record, Scan
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector, laser_scanner
 from trailmark.se2 import FloatArray, compose, wrap
-from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Robot, World
 
 WALL = Rectangle((6.0, 2.0), 1.0, 4.0)
 WORLD = World("room", (0.0, 0.0, 10.0, 8.0), (WALL, Disc((3.0, 6.0), 0.5), Disc((8.0, 2.0), 0.2)))

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark import LandmarkPlanner, Robot, World
+from trailmark import Goal, LandmarkPlanner, Robot, World
 from trailmark.exploration.frontiers import frontiers_of, sight
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.strategies import STRATEGIES, Outlook, covering_tour
 from trailmark.exploration.survey import MOST_TRIES, Memory, Survey, survey
 from trailmark.se2 import FloatArray
-from trailmark.world.goals import Goal
 
 ROBOT = Robot.disc(0.2)
 

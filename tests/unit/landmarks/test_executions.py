@@ -15,12 +15,9 @@ from tests.helpers.oracles import Oracle
 from tests.helpers.worlds import ROBOTS, random_states, random_world
 from threadpoolctl import threadpool_limits
 
-from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, Disc, Polygon, Rectangle, Robot, StateChecker, World
 from trailmark.landmarks import repair_centres
 from trailmark.landmarks.executions import Execution, execute_paper, landmarks_for_area, landmarks_for_range
-from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.world import Robot, World
 from trailmark.world.library import shipped_worlds
 
 FloatArray = NDArray[np.float64]

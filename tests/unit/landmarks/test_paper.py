@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from tests.helpers.trials import few, trials
 
-from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, StateChecker, World
 from trailmark.estimation import RangeBearing, sense_obstacles
 from trailmark.landmarks import algorithm_1, algorithm_2, enclosed_cells, free_samples, paper
 from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, initial_centres
-from trailmark.world import World
 from trailmark.world.library import shipped_worlds
 
 FloatArray = NDArray[np.float64]

@@ -18,11 +18,9 @@ from tests.helpers.oracles import signed_distances
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.landmarks import Relaxation, free_samples
 from trailmark.landmarks.relaxation import CORNER_FACTOR, UNSURE_FACTOR
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 

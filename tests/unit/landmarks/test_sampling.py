@@ -14,13 +14,10 @@ from numpy.typing import NDArray
 from tests.helpers.oracles import Oracle
 from tests.helpers.worlds import ROBOTS, random_states, random_world
 
-from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, Disc, Polygon, Rectangle, Robot, StateChecker, World
 from trailmark.landmarks import Relaxation, draw, free_samples, k_means_landmarks
 from trailmark.landmarks.band import Band
 from trailmark.landmarks.retraction import retract_all
-from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 

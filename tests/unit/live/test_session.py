@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark import Disc, Polygon, Rectangle, Robot, World
-from trailmark.errors import TrailmarkError
+from trailmark import Disc, PlanResult, Polygon, Rectangle, Robot, TrailmarkError, World
 from trailmark.live.messages import FIELDS, MAX_BYTES, Message, MessageError, read_message
 from trailmark.live.session import MAX_OBSTACLES, Session
-from trailmark.planning import PlanResult
 
 WALL = Rectangle((5.0, 3.0), 0.4, 6.0)
 WORLD = World("room", (0.0, 0.0, 10.0, 8.0), (WALL, Disc((8.0, 2.0), 0.5)), ids=("wall", None))

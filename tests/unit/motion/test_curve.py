@@ -9,13 +9,8 @@ import pytest
 from tests.helpers.trials import trials
 from tests.helpers.worlds import box
 
-from trailmark.collision import StateChecker
-from trailmark.curves import Steering
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, CurvePath, Objective, Robot, StateChecker, Steering, World
 from trailmark.motion import CurveMotion
-from trailmark.trajectories import CurvePath
-from trailmark.world import Robot, World
-from trailmark.world.objective import Objective
 
 
 def test_forwards_only_and_in_reverse() -> None:

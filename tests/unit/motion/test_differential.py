@@ -8,13 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from trailmark.collision import StateChecker
+from trailmark import Disc, Robot, StateChecker, World
 from trailmark.motion import DifferentialMotion, motion_of
 from trailmark.se2 import FloatArray, difference
-from trailmark.shapes import Disc
 from trailmark.trajectories import path_of
 from trailmark.verify import RIM, Verifier
-from trailmark.world import Robot, World
 
 OPEN = World("open", (-50.0, -50.0, 50.0, 50.0), ())
 CART = Robot.rectangle(0.6, 0.4).differential()

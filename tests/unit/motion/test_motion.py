@@ -10,13 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.helpers.worlds import random_world
 
-from trailmark import se2
-from trailmark.collision import StateChecker
-from trailmark.curves import Steering
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, Robot, StateChecker, Steering, World, se2
 from trailmark.motion import CurveMotion, Motion, StraightMotion, TranslationMotion, kind_of, motion_of
 from trailmark.trajectories import CurvePath, path_of
-from trailmark.world import Robot, World
 
 WORLD = random_world(5, 30, size=24.0, radii=(0.5, 2.0))
 CAR = Robot.rectangle(1.2, 0.6)

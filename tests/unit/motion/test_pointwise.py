@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
-from trailmark.curves import Steering
+from trailmark import Robot, StateChecker, Steering, World
 from trailmark.motion.pointwise import CurveMarks, PointwiseChecker
 from trailmark.shapes import Disc, Rectangle, Shape
-from trailmark.world import Robot, World
 
 
 @pytest.mark.parametrize("robot", [Robot.rectangle(1.0, 0.5), Robot.disc(0.4)], ids=["rectangle", "disc"])

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from tests.helpers.oracles import sampled_cost
 
-from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, StateChecker, World
+from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, Robot, StateChecker, World
 from trailmark.collision.kernels import FREE
 from trailmark.motion import motion_of
 from trailmark.motion.base import costs
 from trailmark.trajectories import path_of
-from trailmark.world.robot import Robot
 
 ROBOTS = {
     "disc": Robot.disc(0.3),

@@ -12,10 +12,8 @@ from tests.helpers.oracles import Oracle
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Disc, Query, Rectangle, Robot, StateChecker, World
 from trailmark.ompl_bridge.landmark_stream import LandmarkSource, LandmarkStream
-from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Query, Robot, World
 from trailmark.world.library import find_world
 
 

@@ -12,10 +12,7 @@ from tests.helpers.oracles import judge
 from tests.helpers.trials import QUICK
 from tests.helpers.worlds import ROBOTS, joined_pairs, random_pairs, random_world
 
-from trailmark import LandmarkPlanner
-from trailmark.errors import ConfigurationError
-from trailmark.planning.settings import PlannerSettings
-from trailmark.world import Robot, World
+from trailmark import ConfigurationError, LandmarkPlanner, PlannerSettings, Robot, World
 
 FloatArray = NDArray[np.float64]
 

@@ -12,15 +12,10 @@ import pytest
 from tests.helpers.oracles import Oracle
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Objective
-from trailmark.curves import Steering
+from trailmark import CurvePath, Disc, Objective, Query, Rectangle, Robot, Steering, World, check_path
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.shapes import Disc, Rectangle
-from trailmark.trajectories import CurvePath
-from trailmark.verify import check_path
-from trailmark.world import Query, Robot, World
 
 
 def shipped(worlds: Path, name: str, radius: float, reverse: bool = True) -> World:

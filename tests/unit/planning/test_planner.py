@@ -13,13 +13,9 @@ from tests.helpers.oracles import judge
 from tests.helpers.trials import QUICK
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError, WorldError
+from trailmark import ConfigurationError, Disc, Path, Polygon, Rectangle, Robot, StateChecker, World, WorldError
 from trailmark.landmarks import free_samples
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.trajectories.path import Path
-from trailmark.world import Robot, World
 
 LONG = 60.0
 """Seconds: a limit that no test should reach, where rounds are limited instead."""

@@ -10,8 +10,7 @@ from tests.helpers.oracles import judge
 from tests.helpers.trials import trials
 from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
-from trailmark import Disc, KeepOutZone, LandmarkPlanner, Path, PlanResult, Rectangle, Robot, World
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, Disc, KeepOutZone, LandmarkPlanner, Path, PlanResult, Rectangle, Robot, World
 
 OPEN = World("field", (0.0, 0.0, 40.0, 20.0), (Rectangle((20.0, 4.0), 2.0, 8.0),))
 START, GOAL = np.array([2.0, 3.0, 0.0]), np.array([38.0, 3.0, 0.0])

@@ -8,10 +8,8 @@ from tests.helpers.oracles import judge
 from tests.helpers.trials import thorough
 from tests.helpers.worlds import GRID_KINDS, far_pairs
 
-from trailmark.collision import StateChecker
-from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanResult
+from trailmark import LandmarkPlanner, PlannerSettings, PlanResult, Query, Robot, StateChecker, World
 from trailmark.planning.incumbent import GAP
-from trailmark.world import Query, Robot, World
 from trailmark.world.library import shipped_worlds
 
 QUICK = PlannerSettings(sweeps=5, first_sweeps=2, patience=1)

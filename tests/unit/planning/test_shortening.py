@@ -15,10 +15,9 @@ from tests.helpers.oracles import judge
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Roadmap, StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.planning import shorten
-from trailmark.roadmap import Roadmap
 
 FloatArray = NDArray[np.float64]
 

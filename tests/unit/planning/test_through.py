@@ -9,8 +9,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from trailmark import ConfigurationError, Goal, LandmarkPlanner, Rectangle, Robot, World, check_path
-from trailmark.curves import Steering
+from trailmark import ConfigurationError, Goal, LandmarkPlanner, Rectangle, Robot, Steering, World, check_path
 from trailmark.planning.result import PlanResult
 
 ROBOTS = {

@@ -10,8 +10,7 @@ import pytest
 from tests.helpers.trials import trials
 from tests.helpers.worlds import ROBOTS, random_world, star_polygon
 
-from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, World
-from trailmark.errors import WorldError
+from trailmark import Disc, KeepOutZone, LandmarkPlanner, Moving, Rectangle, Robot, World, WorldError
 
 
 def edit(world: World, rng: np.random.Generator) -> World:

@@ -10,14 +10,10 @@ import pytest
 from PIL import Image
 from tests.helpers.pictures import colours_of, is_colour
 
-from trailmark.collision import StateChecker
+from trailmark import Disc, Path, Polygon, Query, Rectangle, Roadmap, Robot, StateChecker, World
 from trailmark.landmarks.executions import execute_paper
 from trailmark.plotting import landmarks, save_landmarks_figure
-from trailmark.roadmap import Roadmap
-from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.shown import GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
-from trailmark.trajectories.path import Path
-from trailmark.world import Query, Robot, World
 
 ROBOT = Robot.disc(0.4)
 QUERY = Query("round", (1.0, 1.0, 0.0), (9.0, 5.0, 0.0))

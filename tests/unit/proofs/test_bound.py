@@ -16,16 +16,12 @@ from tests.helpers.oracles import Oracle, sampled_cost
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import random_world
 
-from trailmark import CostZone, Objective, Polygon, SpeedZone, se2
-from trailmark.collision import StateChecker
+from trailmark import CostZone, Disc, Objective, Path, Polygon, Rectangle, Robot, SpeedZone, StateChecker, World, se2
 from trailmark.motion import Motion, motion_of
 from trailmark.proofs import LowerBound
 from trailmark.proofs.bound import LARGE
 from trailmark.proofs.eikonal import Eikonal
 from trailmark.proofs.region import ellipse, free_region, grown
-from trailmark.shapes import Disc, Rectangle
-from trailmark.trajectories.path import Path
-from trailmark.world import Robot, World
 from trailmark.world.library import find_world
 
 

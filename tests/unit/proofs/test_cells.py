@@ -12,7 +12,7 @@ from tests.helpers.oracles import Oracle, free_somewhere
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.proofs.cells import (
     BLOCKED,
     CHILD,
@@ -30,8 +30,6 @@ from trailmark.proofs.cells import (
 )
 from trailmark.proofs.enclosure import Space, core, pivot
 from trailmark.proofs.region import MARGIN
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
 
 DEEPEST, FINEST = 4, 9
 

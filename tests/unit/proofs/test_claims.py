@@ -13,8 +13,7 @@ from tests.helpers.oracles import free_somewhere
 from tests.helpers.trials import few
 from tests.helpers.worlds import random_world
 
-from trailmark.collision import StateChecker
-from trailmark.errors import InternalErrorWarning
+from trailmark import Disc, InternalErrorWarning, Rectangle, Robot, StateChecker, World
 from trailmark.landmarks import Relaxation
 from trailmark.landmarks.relaxation import CostMap
 from trailmark.planning import LandmarkPlanner, PlannerSettings
@@ -22,8 +21,6 @@ from trailmark.proofs import LowerBound, enclosed
 from trailmark.proofs.bound import Bound
 from trailmark.proofs.claims import CERTAIN, Separation, grid_separates
 from trailmark.proofs.enclosure import core, enclosure
-from trailmark.shapes import Disc, Rectangle
-from trailmark.world import Robot, World
 
 WALL = World("wall", (0.0, 0.0, 10.0, 6.0), (Rectangle((5.0, 2.0), 0.5, 4.0), Disc((2.0, 5.0), 0.3)))
 """A way round the wall's upper end, 2 m wide."""

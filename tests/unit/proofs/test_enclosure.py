@@ -13,15 +13,11 @@ from tests.helpers.oracles import free_somewhere
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import ROBOTS, random_world
 
+from trailmark import ConfigurationError, LandmarkPlanner, PlannerSettings, Robot, StateChecker, World
 from trailmark.benchmark.public.graded import corner_ends
-from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError
-from trailmark.planning import LandmarkPlanner
-from trailmark.planning.settings import PlannerSettings
 from trailmark.proofs.background import Background, in_time
 from trailmark.proofs.enclosure import enclosed, enclosure, shut_off
 from trailmark.shapes import Polygon, Rectangle
-from trailmark.world import Robot, World
 
 SECONDS = 20.0
 """More than any proof here takes, on a slow machine."""

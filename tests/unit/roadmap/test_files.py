@@ -21,14 +21,11 @@ from tests.helpers.oracles import Oracle, motion_states
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Disc, OneWayZone, Polygon, Rectangle, Robot, StateChecker, World
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import FormatError, OutputError, TrailmarkError
 from trailmark.landmarks import free_samples
 from trailmark.roadmap import Roadmap, load_roadmap, read_route_graph
-from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.world import Robot, World
-from trailmark.world.zones import OneWayZone
 
 Change = Callable[[dict[str, Any]], dict[str, Any]]
 

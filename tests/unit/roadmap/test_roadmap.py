@@ -17,16 +17,11 @@ from tests.helpers.oracles import Oracle, motion_states
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import se2
-from trailmark.collision import StateChecker
+from trailmark import ConfigurationError, Rectangle, Roadmap, Robot, StateChecker, World, se2
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
-from trailmark.errors import ConfigurationError
 from trailmark.landmarks import free_samples
 from trailmark.motion import TranslationMotion
-from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
 
 networkx: Any = nx  # whose functions carry no types
 

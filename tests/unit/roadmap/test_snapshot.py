@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Roadmap, StateChecker
 from trailmark.landmarks import free_samples
-from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
 
 

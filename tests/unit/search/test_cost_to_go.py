@@ -15,10 +15,8 @@ from tests.helpers.oracles import signed_distances
 from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark.collision import StateChecker
+from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.search.cost_to_go import CostToGo
-from trailmark.shapes import Rectangle
-from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 

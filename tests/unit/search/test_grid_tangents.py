@@ -13,17 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.helpers.trials import trials
 
-from trailmark.collision import StateChecker
+from trailmark import Robot, StateChecker, World
 from trailmark.planning.pipeline import disc_path
 from trailmark.proofs import LowerBound
 from trailmark.se2 import FloatArray
 from trailmark.search.grid_tangents import GridTangents, TangentSearch
-from trailmark.search.heap import (
-    heap_grow,
-    heap_pop,
-    heap_push,
-)
-from trailmark.world import Robot, World
+from trailmark.search.heap import heap_grow, heap_pop, heap_push
 
 SPARES = (2e-3, 2e-4, 2e-5)
 

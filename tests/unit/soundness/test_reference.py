@@ -12,8 +12,7 @@ from benchmarks.soundness.reference import Reference, deepest, moves
 from benchmarks.soundness.scenes import SCALES
 from benchmarks.soundness.walls import ceiling_world
 
-from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.world import Robot, World
+from trailmark import Disc, Polygon, Rectangle, Robot, World
 
 BLOCK = World("block", (-10.0, -10.0, 10.0, 10.0), (Rectangle((0.0, 0.0), 2.0, 2.0),))
 

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 from tests.helpers.trials import trials
 
-from trailmark import se2
-from trailmark.curves import Steering
-from trailmark.errors import ConfigurationError
-from trailmark.trajectories import CurvePath
+from trailmark import ConfigurationError, CurvePath, Steering, se2
 
 KNOTS = np.array([(0.0, 0.0, 0.0), (8.0, 3.0, 1.0), (7.5, 3.5, 2.5), (2.0, 9.0, -3.0)])
 

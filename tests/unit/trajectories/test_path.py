@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark.errors import ConfigurationError, OutputError
-from trailmark.trajectories.path import Path
+from trailmark import ConfigurationError, OutputError, Path
 
 coordinate = st.floats(-100.0, 100.0)
 pose = st.tuples(coordinate, coordinate, st.floats(-math.pi, math.pi, exclude_min=True))

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from tests.helpers.oracles import SLACK, assert_within_limits
 
-from trailmark import ConfigurationError, CurvePath, Path, Polygon, Steering
-from trailmark.world.zones import SpeedZone
+from trailmark import ConfigurationError, CurvePath, Path, Polygon, SpeedZone, Steering
 
 CORNERS = Path(np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 0.0, 2.0], [3.0, 4.0, 2.0], [5.0, 5.0, 3.0]]))
 CAR = CurvePath(np.array([[0.0, 0.0, 0.0], [5.0, 3.0, 1.0], [4.0, 1.0, 2.0]]), Steering(1.0))

@@ -8,14 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark import se2
-from trailmark.curves import Steering
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, CurvePath, KeepOutZone, PathAudit, Robot, Steering, World, check_path, se2
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.trajectories import CurvePath
-from trailmark.verify import PathAudit, check_path
-from trailmark.world import Robot, World
-from trailmark.world.zones import KeepOutZone
 
 BOUNDS = (0.0, 0.0, 20.0, 20.0)
 BOX = Rectangle((10.0, 10.0), 2.0, 2.0)

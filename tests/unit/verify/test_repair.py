@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError
+from trailmark import ConfigurationError, Disc, Path, Rectangle, Robot, StateChecker, World
 from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Rectangle
-from trailmark.trajectories.path import Path
 from trailmark.verify import PathAuditor, repaired
-from trailmark.world import Robot, World
 
 WORLD = World("w", (0.0, 0.0, 20.0, 10.0), (Disc((5, 5), 1.0), Rectangle((10, 5), 1, 3), Disc((12, 5), 0.5)))
 ROBOT = Robot.rectangle(1.0, 0.6)

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from trailmark import Disc, LandmarkPlanner, Path, Polygon, Robot, World
-from trailmark.errors import InternalErrorWarning
+from trailmark import Disc, InternalErrorWarning, LandmarkPlanner, Path, Polygon, Rectangle, Robot, World
 from trailmark.planning import pipeline as solving
 from trailmark.planning.query import Query
 from trailmark.planning.result import PlanProgress, Status
 from trailmark.proofs import LowerBound
-from trailmark.shapes import Rectangle
 from trailmark.verify import RIM, Verifier
 
 

@@ -14,10 +14,8 @@ import pytest
 import shapely
 from tests.helpers.trials import trials
 
-from trailmark.errors import ShapeError, TrailmarkError, WorldError
+from trailmark import Change, Changes, ShapeError, TrailmarkError, World, WorldError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.world import World
-from trailmark.world.changes import Change, Changes
 from trailmark.world.moving import DISC_ERROR, Moving
 
 A, B, C, D = (Disc((float(x), 1.0), 0.4) for x in range(1, 5))

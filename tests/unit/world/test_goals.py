@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark import Goal, Polygon, Query, Rectangle
+from trailmark import Goal, OneWayZone, Polygon, Query, Rectangle
 from trailmark.errors import ConfigurationError, InputWarning
-from trailmark.world.zones import OneWayZone
 
 L_SHAPE = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)])
 TILTED = np.array([(5000.1, 3000.3), (5003.7, 3001.9), (5002.2, 3004.4)])

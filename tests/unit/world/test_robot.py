@@ -10,8 +10,7 @@ import pytest
 import shapely
 from tests.helpers.worlds import ROBOTS
 
-from trailmark.errors import ShapeError
-from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark import Disc, Polygon, Rectangle, ShapeError
 from trailmark.world.robot import TURNING_LIMIT, Robot
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

@@ -11,13 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.helpers.trials import THOROUGH, few
 
+from trailmark import Disc, Goal, Moving, Polygon, Query, Rectangle, Robot, World
 from trailmark.errors import FormatError, OutputError, TrailmarkError
 from trailmark.formats import world_json_schema
 from trailmark.formats.yaml_data import parse_yaml
-from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.world import Query, Robot, World
-from trailmark.world.goals import Goal
-from trailmark.world.moving import Moving
 from trailmark.world.world_file import world_fields, world_text
 from trailmark.world.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone
 

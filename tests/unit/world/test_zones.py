@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark import CostZone, KeepOutZone, Objective, OneWayZone, Polygon, SpeedZone, StateChecker, check_path
+from trailmark import CostZone, Disc, KeepOutZone, Objective, OneWayZone, Polygon, SpeedZone, StateChecker, check_path
 from trailmark.errors import ConfigurationError, TrailmarkError, WorldError
-from trailmark.shapes import Disc
 from trailmark.world import BOUNDS_LIMIT, Query, Robot, World, with_keep_outs
 from trailmark.world.moving import Moving
 
