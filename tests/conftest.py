@@ -48,12 +48,13 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if not getattr(config.option, "numprocesses", None) or hasattr(config, "workerinput"):
         return
     code = [[sys.prefix, numba.__version__], *sorted([str(f), f.stat().st_mtime] for f in ROOT.glob("src/**/*.py"))]
-    if config.cache is not None and config.cache.get(COMPILED, None) == code:
+    cache = getattr(config, "cache", None)  # it is there unless pytest is told to keep none
+    if cache is not None and cache.get(COMPILED, None) == code:
         return
     warmup = [sys.executable, "-m", "trailmark", "warmup"]
     subprocess.run(warmup, stdout=subprocess.DEVNULL, check=True, timeout=1500)
-    if config.cache is not None:
-        config.cache.set(COMPILED, code)
+    if cache is not None:
+        cache.set(COMPILED, code)
 
 
 def data_folder() -> Path:

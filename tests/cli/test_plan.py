@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 from collections.abc import Callable
 from math import pi
@@ -13,8 +14,9 @@ import numpy as np
 import pytest
 import typer
 
-from trailmark import CurvePath, Goal, Objective, PlannerSettings, Robot, Steering, se2
+from trailmark import CurvePath, Disc, Goal, Objective, PlannerSettings, Robot, StateChecker, Steering, World, se2
 from trailmark.cli import app
+from trailmark.cli.plan_files import with_step
 from trailmark.formats.any_path import read_any_path
 
 Shell = Callable[..., Any]
@@ -270,3 +272,16 @@ def test_a_smooth_path_says_where_it_stops_and_costs_what_it_is(
     run = shell(*words)
     assert (run.status, "smooth" in json.loads(run.out)) == (0, False)
     assert "--smooth: the path stays as it was planned" in run.err
+
+
+def test_lines_between_rows_are_free_where_the_arc_is() -> None:
+    robot = Robot.disc(0.2).steered(1.0)
+    arc = CurvePath(np.array([(2.0, 1.0, 0.0), (3.0, 2.0, math.pi / 2)]), Steering(1.0))
+    post = Disc((2.0, 2.0), 0.7995)  # 0.5 mm inside the arc; a chord of 0.087 m is up to 0.95 mm off it
+    world = World("yard", (0.0, 0.0, 5.0, 5.0), (post,), robot)
+    checker = StateChecker(world)
+    coarse = arc.resample(0.4).states
+    assert not checker.motions_valid(coarse[:-1], coarse[1:]).all()
+    rows = with_step(arc, 0.4, world, robot)
+    assert checker.motions_valid(rows.states[:-1], rows.states[1:]).all()
+    assert 4 < len(rows.states) <= 40

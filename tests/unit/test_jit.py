@@ -266,6 +266,31 @@ def test_code_is_kept_and_found_again_and_kernels_run_as_python_too(tmp_path: Pa
     assert done.stdout.strip() == "2"
 
 
+def test_compiling_is_told_once_in_a_row_and_not_at_all_where_it_takes_no_time() -> None:
+    clock, said = [0.0], list[str]()
+    compiling = jit._Compiling(said.append, lambda: clock[0])
+    compiling._depth = 100  # of numba's lock, which is not taken here
+
+    def compile_at(begin: float, end: float, module: str = "trailmark.search.heap") -> None:
+        function = SimpleNamespace(py_func=SimpleNamespace(__module__=module))
+        what: Any = SimpleNamespace(kind="numba:compile", data={"dispatcher": function})
+        clock[0] = begin
+        compiling.on_start(what)
+        clock[0] = end
+        compiling.on_end(what)
+        compiling.on_end(SimpleNamespace(kind="numba:compiler_lock"))
+
+    compile_at(10.0, 10.6)
+    assert said == []
+    for begin in (10.7, 11.5, 20.1):
+        compile_at(begin, begin + 0.75)
+    compile_at(60.0, 65.0, "somebody.else")
+    assert len(said) == 1
+    compile_at(100.0, 101.5)
+    compile_at(101.6, 103.0)
+    assert len(said) == 2
+
+
 def test_what_is_compiled_for_is_said_while_it_is() -> None:
     with compiling_for("tests"):
         assert jit.compiling.uses[-1:] == ["tests"]

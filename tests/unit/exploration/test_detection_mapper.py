@@ -107,6 +107,22 @@ def test_with_noise_what_may_be_outside_the_bounds_is_closed() -> None:
     assert not (mapper.known.state[0] == OCCUPIED).all()
 
 
+def test_what_was_freed_from_a_pose_that_had_drifted_is_forgotten() -> None:
+    robot, mapper = begun(0.0)
+    drive(robot, mapper, 5)
+    before = mapper.known.state == FREE
+    # Looked at from where the pose was less sure by a cell and more than it is now, and from where it was not.
+    for rows, sigma in ((slice(80, 90), 1.0), (slice(100, 110), 0.0)):
+        mapper._looks[rows, 100:120], mapper._sigma[rows, 100:120], mapper._free[rows, 100:120] = 1, sigma, True
+    mapper.take(robot.sense())
+    robot.drive(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), 1.0)
+    mapper.take(robot.sense())
+    assert not mapper._looks[80:90, 100:120].any()
+    assert not (mapper.known.state[80:90, 100:120] == FREE).any()
+    assert mapper._looks[100:110, 100:120].all()
+    assert (mapper.known.state == FREE)[before].mean() > 0.98
+
+
 @pytest.mark.slow
 def test_a_robot_that_is_carried_away_is_lost_and_found_again() -> None:
     robot, mapper = begun(1.0)
