@@ -173,6 +173,7 @@ CASES = {
         ("yard.yaml -p PRM --output r.db --runs 0", "--runs: expected an integer from 1 to 1000000, got '0'"),
         ("yard.yaml -p PRM --output r.db --memory-limit x", "--memory-limit: expected an integer from 1"),
         ("yard.yaml -p PRM --output r.db --resolution 0", "a finite number of metres above 0"),
+        ("yard.yaml -p PRM --output r.db --clearance -1", "--clearance: expected metres, from 0 to 1e7, got '-1'"),
         ("yard.yaml -p PRM --output r.db --workers 2 --scheduler a", "expected --workers or --scheduler"),
         ("yard.yaml -p PRM --output r.db --scheduler nowhere", "scheduler 'nowhere' does not answer"),
         ("-p PRM --output r.db --suite nowhere.yaml", "nowhere.yaml: cannot be read"),
