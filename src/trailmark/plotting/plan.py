@@ -119,6 +119,10 @@ def save_plan_figure(
     figure, axes = figure_of(world)
     draw_world(axes, world, robot, layers)
     draw_plan(axes, robot, result.path, roadmap, start, goal, layers)
+    if layers.ends and result.path is not None:
+        for leg in result.legs[:-1]:
+            x, y = leg.path.states[-1, :2]  # type: ignore[union-attr]  # each leg of a path has one
+            axes.plot(x, y, "D", color=PATH, ms=7.0, mec="white", mew=1.0, ls="none", zorder=8.0, label="via point")
     annotate(figure, axes, world.name if query is None else f"{world.name} · {query}", plan_facts(result, robot))
     if layers.progress:
         _add_progress(figure, axes, result.history, result.time.get("total") or 0.0, result.lower_bound)
