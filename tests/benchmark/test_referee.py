@@ -60,7 +60,8 @@ def test_an_obstacle_thinner_than_a_planners_step_is_seen() -> None:
 def test_touching_is_allowed(robot: Robot, kept: float, room: float, right: bool) -> None:
     # Between an obstacle above and a bound below: the robot's width, the clearance on both sides, and a little.
     low, wide = (0.0, 0.6 - kept, 10.0, 6.0), (-10.0, -10.0, 20.0, 20.0)
-    block = Polygon(np.array([[4.0, 1.4], [6.0, 1.4], [6.0, 3.0], [4.0, 3.0]]) + [0.0, kept + room])
+    edge = 1.4 + kept + room
+    block = Polygon(np.array([[4.0, edge], [6.0, edge], [6.0, 3.0], [4.0, 3.0]]))
     room_of = Polygon(np.array([[-5.0, 0.6 - kept - room], [15.0, 0.6 - kept - room], [15.0, 9.0], [-5.0, 9.0]]))
     worlds = (
         World("disc", low, (Disc((5.0, 2.4 + kept + room), 1.0),)),

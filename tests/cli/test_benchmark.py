@@ -128,7 +128,8 @@ def test_all_planners_keep_a_clearance(shell: Shell, yard: Path, tmp_path: Path)
     words = ["benchmark", yard, "--query", "across", "-p", "landmark", "-p", "RRTConnect+certified", "-p", HONEST]
     run = shell(*words, "--runs", 1, "--time-limit", 0.5, "--clearance", 0.3, "--output", results)
     assert (run.status, run.err) == (0, "")
-    found = rows(results, "SELECT p.name, r.path FROM runs r JOIN plannerConfigs p ON p.id = plannerid WHERE correct_solution")
+    chosen = "SELECT p.name, r.path FROM runs r JOIN plannerConfigs p ON p.id = plannerid WHERE correct_solution"
+    found = rows(results, chosen)
     assert {name for name, _ in found} == {"landmark", "RRTConnect+certified"}  # the honest one goes straight
     blocks = shapely.union_all([shapely.Point(5, 3).buffer(1.0, 256), BLOCK])
     for _, path in found:

@@ -205,7 +205,7 @@ def print_results(results: Results, planners: Sequence[str]) -> None:
 
 
 class Wanted(NamedTuple):
-    """The options about problems: robot, names of queries (all if empty), number (all if None), start, goal, clearance."""
+    """The options about problems: robot, names of queries (all if empty), number (all if None), ends, clearance."""
 
     robot: options.RobotOptions
     queries: tuple[str, ...]

@@ -18,6 +18,8 @@ from trailmark.cli import console, options, plan_files
 from trailmark.cli.options import Pose, Position, SpeedLimits, Tolerance, UsageError, flag, option
 
 if TYPE_CHECKING:
+    import networkx as nx
+
     from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanProgress, PlanResult
     from trailmark.world import World
     from trailmark.world.goals import Goal
@@ -220,10 +222,10 @@ def plan(
             progress.details = (f"{state.landmarks:,} landmarks", cost)
 
         progress.stage("planning", time_limit)
-        frame = asked.pop("frame_id", "map")
+        frame, route = asked.pop("frame_id", "map"), None
         with _stopping(stopped):
             if route_graph is not None:
-                result = _planned_on_route(planner, route_graph, a, b, time_limit)
+                route, result = _planned_on_route(planner, route_graph, a, b, time_limit)
             else:
                 asked |= {"on_progress": follow, "stop": stopped.is_set, "escape": escape}
                 places = [each if isinstance(each, Pose) else Goal(each) for each in via or ()]
@@ -252,7 +254,7 @@ def plan(
         if plot is not None:
             from trailmark.plotting import save_plan_figure
 
-            save_plan_figure(plot, loaded, body, result, planner.roadmap, start=a, goal=b, query=name)
+            save_plan_figure(plot, loaded, body, result, planner.roadmap, start=a, goal=b, query=name, route=route)
 
     if as_json:
         console.say(console.json_text(record))
@@ -263,17 +265,20 @@ def plan(
     raise typer.Exit(EXIT_STATUS[result.status])
 
 
-def _planned_on_route(planner: LandmarkPlanner, file: Path, start: Any, goal: Any, time_limit: float) -> PlanResult:
-    """Return the cheapest path over a route graph, and tell along which of its edges the robot collides."""
+def _planned_on_route(
+    planner: LandmarkPlanner, file: Path, start: Any, goal: Any, time_limit: float
+) -> tuple[nx.DiGraph, PlanResult]:
+    """Return a route graph and the cheapest path over it, and tell along which of its edges the robot collides."""
     from trailmark.roadmap import read_route_graph
     from trailmark.world.goals import Goal
 
     if isinstance(goal[0], Goal):
         raise UsageError("--route-graph: expected a goal X,Y,T without tolerance, got another")
-    result = planner.plan_on_route(read_route_graph(file), start, goal, time_limit)
+    graph = read_route_graph(file)
+    result = planner.plan_on_route(graph, start, goal, time_limit)
     if result.colliding:
         console.tell(f"{file}: the robot collides along the edges {', '.join(map(str, result.colliding))}")
-    return result
+    return graph, result
 
 
 Ends = tuple[str | None, tuple[float, float, float], "tuple[float, float, float] | tuple[Goal, ...]"]

@@ -75,9 +75,7 @@ def tidy(axes: Axes, font_size: float) -> None:
     axes.spines[:].set_visible(False)
 
 
-def figure_of(
-    world: World, new_figure: Callable[..., Figure] = Figure, *, room: float = 0.0
-) -> tuple[Figure, Axes]:
+def figure_of(world: World, new_figure: Callable[..., Figure] = Figure, *, room: float = 0.0) -> tuple[Figure, Axes]:
     """Return a figure with one pair of axes that fit the world's shape; ``new_figure`` makes it, as ``Figure`` does.
 
     Writing a picture makes it as large as what is in it; else ``room`` (inches) is left where :func:`annotate` puts the
