@@ -31,7 +31,8 @@ CLOSE, CLOSE_SHARE = 0.01, 0.02
 """Metres, and share of the footprint, nearer than which a path that no clearance was asked for is told of."""
 
 PLAN_SETTINGS = {"gap": options.FACTOR, "max_iterations": options.Count(low=1), "frame_id": options.FRAME}
-"""What a settings file may say of one plan, beside the planner's settings."""
+PLAN_SETTINGS |= {"landmarks": options.LANDMARKS, "step": options.METRES, "limits": options.LIMITS}
+"""What a settings file may say of one plan, beside the planner's settings; the last three have options too."""
 
 
 def plan(
@@ -59,7 +60,7 @@ def plan(
     plot: options.PlotOption = None,
     as_json: options.JsonOption = False,
     seed: options.SeedOption = 0,
-    landmarks: Annotated[int | None, option(options.LANDMARKS, "Landmarks of the roadmap; default: by world.")] = None,
+    landmarks: Annotated[int | None, option(options.LANDMARKS, "As in --settings.", hidden=True)] = None,
     goal_tolerance: Annotated[
         Tolerance | None, option(options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query")
     ] = None,
@@ -92,15 +93,7 @@ def plan(
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
-    limits: Annotated[
-        SpeedLimits | None,
-        option(
-            options.LIMITS,
-            "Maximum speed (m/s), acceleration (m/s²), turn rate (rad/s) and turn acceleration (rad/s²), for "
-            "trajectories and the objective time; default: 1,0.5,1 and no limit.",
-            group="Robot",
-        ),
-    ] = None,
+    limits: Annotated[SpeedLimits | None, option(options.LIMITS, "As in --settings.", hidden=True)] = None,
     objective: Annotated[
         str | None,
         option(
@@ -120,8 +113,10 @@ def plan(
         option(
             options.SETTINGS,
             "Lines 'name: value': gap (stop once the cost is proven within this share of the optimum), max_iterations "
-            "(of planning; with time enough for them, the same seed gives the same path), frame_id (in messages), and "
-            "those of PlannerSettings.",
+            "(of planning; with time enough for them, the same seed gives the same path), frame_id (in messages), "
+            "landmarks (of the roadmap), step (metres: maximum spacing of written waypoints), limits (m/s, m/s², "
+            "rad/s, rad/s², for trajectories and the objective time; default: 1,0.5,1 and no limit), and those of "
+            "PlannerSettings.",
             group="Limits",
         ),
     ] = None,
@@ -134,9 +129,7 @@ def plan(
             rich_help_panel="Output",
         ),
     ] = False,
-    step: Annotated[
-        float | None, option(options.METRES, "Maximum spacing of waypoints in the written path.", group="Output")
-    ] = None,
+    step: Annotated[float | None, option(options.METRES, "As in --settings.", hidden=True)] = None,
     trajectory: Annotated[
         Path | None,
         option(
@@ -170,7 +163,7 @@ def plan(
         raise UsageError("--route-graph given with --via, --escape, --bidirectional or --relax; expected it alone")
     if output == Path("-"):
         output, as_json = None, True
-    speeds, stopped = limits or SpeedLimits(), Event()
+    stopped = Event()
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
@@ -199,6 +192,9 @@ def plan(
         from trailmark.world.objective import Objective
 
         chosen, asked = _read_settings(settings)
+        in_file = {name: asked.pop(name, None) for name in ("landmarks", "step", "limits")}
+        landmarks, step = landmarks or in_file["landmarks"], step or in_file["step"]
+        speeds = limits or in_file["limits"] or SpeedLimits()
         progress.stage("preparing (compiles on first use)")
         planner = LandmarkPlanner(
             loaded,
