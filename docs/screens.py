@@ -26,7 +26,8 @@ WIDTH, EVERY = 560, 2  # pixels, and of so many frames of the animation one is k
 
 def plans() -> None:
     """Write the pictures of paths, as ``plan --plot`` does."""
-    office, parking = ["office", "--drive", "differential", "--clearance", "0.05"], ["parking"]
+    office = ["office", "--drive", "differential", "--clearance", "0.05"]
+    parking = ["parking", "--query", "bay", "--turning-radius", "4.5"]
     for name, words in (("office", office), ("parking", parking)):
         command = [sys.executable, "-m", "trailmark", "plan", *words, "--plot", str(PICTURES / f"{name}.png")]
         subprocess.run(command, check=True, cwd=ROOT)

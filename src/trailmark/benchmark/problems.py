@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -132,6 +132,6 @@ def read_problem(text: str) -> Problem:
     data = parse_yaml(text, source)
     if not isinstance(data, dict):
         raise FormatError(source, "no mapping; expected the text of a world file")
-    kept = data.pop("clearance", 0.0)
+    kept: Any = data.pop("clearance", 0.0)
     world = World(**{**world_fields(data, source), "sources": ()})
     return Problem(world if world.robot is None else world.with_robot(world.robot.keeping(kept)))
