@@ -15,26 +15,43 @@ if TYPE_CHECKING:
 
 PARTS = {
     "trailmark": "The names that most programs need.",
+    "trailmark.world": "How well obstacles are known; the worlds that are shipped.",
+    "trailmark.shapes": "Discs, rectangles and polygons.",
+    "trailmark.se2": "Configurations of the plane.",
+    "trailmark.planning": "The planner and its settings.",
+    "trailmark.trajectories": "Smooth paths, and when a robot is where.",
     "trailmark.verify": "Is anybody's path free?",
+    "trailmark.plotting": "Pictures, by matplotlib.",
+    "trailmark.shown": "What pictures show.",
+    "trailmark.formats": "Files that are read and written.",
+    "trailmark.errors": "What is raised.",
     "trailmark.collision": "Is a configuration free, how far is it from the obstacles, is a motion free?",
+    "trailmark.motion": "Kinds of motion, all certified.",
     "trailmark.curves": "Dubins and Reeds-Shepp curves.",
+    "trailmark.landmarks": "Samples, K-means, the relaxed problem; the published method.",
+    "trailmark.roadmap": "Landmarks, edges, and the search among them.",
     "trailmark.estimation": "Filters, SLAM, scans, maps, risk, simulation and logs.",
     "trailmark.exploration": "A robot without a map makes one.",
-    "trailmark.formats": "Files that are read and written.",
-    "trailmark.landmarks": "Samples, K-means, the relaxed problem; the published method.",
-    "trailmark.shown": "What pictures show.",
-    "trailmark.motion": "Kinds of motion, all certified.",
     "trailmark.ompl_bridge": "trailmark's parts inside OMPL.",
-    "trailmark.planning": "The planner and its settings.",
-    "trailmark.plotting": "Pictures, by matplotlib.",
-    "trailmark.roadmap": "Landmarks, edges, and the search among them.",
-    "trailmark.se2": "Configurations of the plane.",
-    "trailmark.shapes": "Discs, rectangles and polygons.",
-    "trailmark.world": "How well obstacles are known; the worlds that are shipped.",
-    "trailmark.trajectories": "Smooth paths, and when a robot is where.",
-    "trailmark.errors": "What is raised.",
 }
-"""What the reference has pages of. The other modules are parts of these, and may change."""
+"""What the reference has pages of, as one meets them. The other modules are parts of these, and may change."""
+
+FIRST = (
+    *(
+        "World",
+        "Robot",
+        "Query",
+        "Goal",
+        "LandmarkPlanner",
+        "PlanResult",
+        "Path",
+        "CurvePath",
+        "check_path",
+        "PathAudit",
+    ),
+    *("PathAuditor", "Disc", "Rectangle", "Polygon", "KeepOutZone", "CostZone", "OneWayZone", "SpeedZone", "Objective"),
+)
+"""What stands first on the first page, as one meets it."""
 
 ORDER = (
     *("plan_path", "nav2_map", "many_queries", "objectives_and_goals", "park_car", "check_path", "smooth_trajectory"),
@@ -74,6 +91,8 @@ def write(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for part, names in public_names().items():
         module = import_module(part)
+        if part == "trailmark":
+            names = [*FIRST, *(name for name in names if name not in FIRST)]
         lines = [part, "=" * len(part), "", PARTS[part], "", f".. currentmodule:: {part}", ""]
         if part != "trailmark":
             lines += [f".. automodule:: {part}", "   :no-members:", ""]

@@ -13,12 +13,24 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
+from matplotlib.colors import to_rgb
 from PIL import Image, ImageSequence
+
+from trailmark.shown import GOAL, LANDMARK, PATH
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 sys.path.insert(0, str(ROOT))
 WIDTH, EVERY = 560, 2  # pixels, and of so many frames of the animation one is kept
+
+
+def plans() -> None:
+    """Write the pictures of paths, as ``plan --plot`` does."""
+    office = ["office", "--drive", "differential", "--clearance", "0.05"]
+    parking = ["parking", "--query", "bay", "--turning-radius", "4.5"]
+    for name, words in (("office", office), ("parking", parking)):
+        command = [sys.executable, "-m", "trailmark", "plan", *words, "--plot", str(PICTURES / f"{name}.png")]
+        subprocess.run(command, check=True, cwd=ROOT)
 
 
 def animations(folder: Path) -> None:
@@ -32,7 +44,7 @@ def animations(folder: Path) -> None:
 
 
 def smaller(large: Path, file: Path) -> None:
-    """Write an animation with fewer pixels, frames and colours."""
+    """Write an animation with fewer pixels and frames, in the pictures' colours."""
     with Image.open(large) as picture:
         size = (WIDTH, round(picture.height * WIDTH / picture.width))
         frames = [
@@ -40,7 +52,10 @@ def smaller(large: Path, file: Path) -> None:
             for number, frame in enumerate(ImageSequence.Iterator(picture))
             if number % EVERY == 0
         ]
-    palette = frames[len(frames) // 2].quantize(96, dither=Image.Dither.NONE)
+    palette = frames[len(frames) // 2].quantize(250, dither=Image.Dither.NONE)
+    # Of what is small, or not in that frame, the colours would be some others.
+    own = [round(255.0 * part) for colour in (GOAL, PATH, LANDMARK) for part in to_rgb(colour)]
+    palette.putpalette([*(palette.getpalette() or [])[:750], *own])
     flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     flat[0].save(file, save_all=True, append_images=flat[1:], duration=250, loop=0, optimize=True)
 
@@ -53,8 +68,7 @@ def messages(folder: Path) -> None:
     large = folder / "ros2.png"
     subprocess.run([sys.executable, ROOT / "examples" / "ros2_planner.py", large], check=True, cwd=ROOT)
     with Image.open(large) as picture:
-        few = picture.convert("RGB").quantize(96, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    few.save(PICTURES / "ros2.png", optimize=True)
+        picture.convert("RGB").save(PICTURES / "ros2.png", optimize=True)
 
 
 def live_page(folder: Path) -> None:
@@ -76,6 +90,7 @@ def live_page(folder: Path) -> None:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
+        plans()
         live_page(Path(scratch))
         animations(Path(scratch))
         messages(Path(scratch))

@@ -156,16 +156,18 @@ def lines(name: str, corners: int, every: int = 1, **style: Any) -> None:
     axes.add_collection(LineCollection([*np.reshape(ends, (-1, corners, 2))[::every]], **style))
 
 
-lines("roadmap", 2, label="roadmap", colors="#56b4e9", linewidths=0.6)
-lines("swept_footprint", 8, 5, label="swept footprint", colors="#e69f00", linewidths=0.5)
+lines("roadmap", 2, label="roadmap", colors="#dca6c5", linewidths=0.6)
+lines("swept_footprint", 8, 5, label="swept footprint", colors="#56b4e9", linewidths=0.5)
 points = [(point.x, point.y) for point in heard["landmarks"].markers[0].points]
 axes.plot(*np.transpose(points), ".", ms=4, color="#9c4a79", label="landmarks")
 axes.plot(*np.transpose(first), "--", lw=1.2, color="#55585f", label="plan before the pallets")
-axes.plot(*np.transpose(positions), lw=1.8, color="#009e73", label="plan")
+axes.plot(*np.transpose(positions), lw=1.8, color="#0072b2", label="plan")
 for pallet in pallets:
-    axes.fill(*pallet.T, color="#d55e00", label="obstacles" if pallet is pallets[0] else None)
+    axes.fill(*pallet.T, color="#e69f00", label="obstacles" if pallet is pallets[0] else None)
+for at, mark, colour, label in ((0, "o", "#009e73", "start"), (-1, "s", "#d55e00", "goal")):
+    axes.plot(*positions[at], mark, ms=7, mec="white", color=colour, ls="none", label=label)
 axes.set(xlabel="x [m]", ylabel="y [m]")
-figure.legend(loc="outside upper center", ncols=6, frameon=False)
+figure.legend(loc="outside upper center", ncols=4, frameon=False)
 if len(sys.argv) > 1:
     figure.savefig(sys.argv[1], dpi=100)
 plt.show()

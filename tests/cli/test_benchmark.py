@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import os
 import re
 import secrets
@@ -16,13 +18,19 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import shapely
+from shapely.affinity import affine_transform, rotate
 from tests.helpers.made_results import random_results
+
+from trailmark.benchmark.store import Store
 
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "trailmark.cli", "benchmark"]
+BLOCK = rotate(shapely.box(1.5, 4.75, 2.5, 5.25), 0.3, use_radians=True)
 HONEST = "tests.helpers.rogues:honest"
 
 
@@ -86,6 +94,30 @@ def test_a_differential_drive_and_why_ompl_has_no_plan_for_it(shell: Shell, yard
     assert re.search(r"^RRTConnect: 2 abort: .*omnidirectional one or a car in OMPL", run.out, re.MULTILINE)
     # There is nothing to shorten by in OMPL, and no complaint about it.
     assert rows(results, "SELECT count(*) FROM runs WHERE solved AND failure IS NOT NULL") == [(0,)]
+
+
+@pytest.mark.slow
+def test_all_planners_keep_a_clearance(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    results = tmp_path / "results.db"
+    words = ["benchmark", yard, "--query", "across", "-p", "landmark", "-p", "RRTConnect+certified", "-p", HONEST]
+    run = shell(*words, "--runs", 1, "--time-limit", 0.5, "--clearance", 0.3, "--output", results)
+    assert (run.status, run.err) == (0, "")
+    chosen = "SELECT p.name, r.path FROM runs r JOIN plannerConfigs p ON p.id = plannerid WHERE correct_solution"
+    found = rows(results, chosen)
+    assert {name for name, _ in found} == {"landmark", "RRTConnect+certified"}  # the honest one goes straight
+    blocks = shapely.union_all([shapely.Point(5, 3).buffer(1.0, 256), BLOCK])
+    for _, path in found:
+        states = np.array(json.loads(path))
+        for (x0, y0, t0), (x1, y1, t1) in itertools.pairwise(states):
+            turned = math.remainder(t1 - t0, 2.0 * math.pi)
+            for s in np.linspace(0.0, 1.0, 400):
+                cos, sin = math.cos(t0 + s * turned), math.sin(t0 + s * turned)
+                place = [cos, -sin, sin, cos, x0 + s * (x1 - x0), y0 + s * (y1 - y0)]
+                body = affine_transform(shapely.box(-0.4, -0.2, 0.4, 0.2), place)
+                assert body.distance(blocks) > 0.3 - 1e-4
+                assert shapely.box(0.3, 0.3, 9.7, 5.7).buffer(1e-6).covers(body)
+    plain = shell(*words, "--runs", 1, "--time-limit", 0.5, "--output", results, "--json")
+    assert json.loads(plain.out)["made"] == 3  # another problem
 
 
 @pytest.mark.slow

@@ -139,13 +139,13 @@ def test_without_certified_features_no_confidence_is_given(shell: Shell, log: Pa
     refused = shell(*words, "--confidence", "0.99")
     assert (refused.status, refused.out, file.exists()) == (3, "", False)
     assert "not certified" in refused.err
-    assert "--even-if-uncertain" in refused.err
+    assert "--force" in refused.err
     measured = shell(*words, "--json")
     assert measured.status == 0
     reason = json.loads(measured.out)["not_certified"]
     assert reason == World.load(file).not_certified
     assert reason in measured.err
-    grown = shell(*words, "--confidence", "0.99", "--even-if-uncertain")
+    grown = shell(*words, "--confidence", "0.99", "--force")
     assert (grown.status, "not certified" in grown.out) == (0, True)
     world = World.load(file)
     assert world.risk is not None

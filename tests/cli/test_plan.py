@@ -246,6 +246,12 @@ def test_a_trajectory_and_small_steps_are_written(shell: Shell, yard: Path, plan
     assert shell("plan", yard, "--output", path, "--step", "0.05").status == 0
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
     assert se2.distance(rows[:-1], rows[1:]).max() <= 0.05 + 1e-9
+    settings = tmp_path / "settings.yaml"
+    settings.write_text("step: 0.05\nlimits: 0.5,0.3,0.4,1\nlandmarks: 20\n")
+    words = ["--trajectory", tmp_path / "other.csv", "--output", tmp_path / "other_path.csv", "--settings", settings]
+    assert shell("plan", yard, *words).status == 0
+    assert (tmp_path / "other.csv").read_text() == file.read_text()
+    assert (tmp_path / "other_path.csv").read_text() == path.read_text()
 
 
 @pytest.mark.slow

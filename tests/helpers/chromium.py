@@ -146,6 +146,11 @@ class Browser:
             time.sleep(pause)
         self._mouse("mouseReleased", end, **held)
 
+    def click(self, place: tuple[float, float], modifiers: int = 0) -> None:
+        """Click at a place of the window; modifiers as for keys."""
+        for kind in ("mousePressed", "mouseReleased"):
+            self._mouse(kind, place, button="left", clickCount=1, modifiers=modifiers)
+
     def touch(self, *ways: tuple[tuple[float, float], tuple[float, float]], steps: int = 10) -> None:
         """Move a finger for each of some ways, from one place of the window to another, all at the same time."""
         for kind, shares in (("Start", [0.0]), ("Move", [(i + 1) / steps for i in range(steps)]), ("End", [None])):

@@ -105,7 +105,7 @@ OWN_SPACING = f"{100.0 * SPACING:g} % of the robot's inscribed radius, native pl
 
 def spacing_of(planner: str, robot: Robot) -> float:
     """Return the spacing (metres) at which refusals of a planner are rare."""
-    return (NATIVE_SPACING if planner.startswith(NATIVE) else SPACING) * robot.inscribed_disc.radius
+    return (NATIVE_SPACING if planner.startswith(NATIVE) else SPACING) * robot.keeping(0.0).inscribed_disc.radius
 
 
 def known_planners() -> list[str]:

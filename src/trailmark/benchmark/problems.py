@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,10 +48,14 @@ class Problem:
 
     @property
     def text(self) -> str:
-        """The whole problem as the text of a world file, made anew each time: it may be kilobytes of a grid's cells."""
+        """The whole problem as the text of a world file, made anew each time: it may be kilobytes of a grid's cells.
+
+        A clearance that the robot keeps, of which world files know nothing, is one more key.
+        """
         from trailmark.world.world_file import world_text
 
-        return world_text(self.world, grid=True)
+        kept = self.robot.clearance
+        return world_text(self.world, grid=True) + (f"clearance: {kept!r}\n" if kept else "")
 
     @cached_property
     def key(self) -> str:
@@ -128,4 +132,6 @@ def read_problem(text: str) -> Problem:
     data = parse_yaml(text, source)
     if not isinstance(data, dict):
         raise FormatError(source, "no mapping; expected the text of a world file")
-    return Problem(World(**{**world_fields(data, source), "sources": ()}))
+    kept: Any = data.pop("clearance", 0.0)
+    world = World(**{**world_fields(data, source), "sources": ()})
+    return Problem(world if world.robot is None else world.with_robot(world.robot.keeping(kept)))

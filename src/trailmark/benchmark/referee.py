@@ -38,18 +38,19 @@ class Referee:
 
     Args:
         world: obstacles, bounds and boundary, zones to keep out of and one-way zones.
-        robot: footprint.
+        robot: footprint, and the clearance that it keeps.
     """
 
     def __init__(self, world: World, robot: Robot) -> None:
         footprint = robot.footprint
         self._world = world = with_keep_outs(world)
-        self._radius = footprint.radius - TOUCHING if isinstance(footprint, Disc) else 0.0
+        # About the reference point of a disc, about the outline of others.
+        self._radius = robot.clearance + (footprint.radius - TOUCHING if isinstance(footprint, Disc) else 0.0)
         self._outline = None if isinstance(footprint, Disc) else _shrunk(robot)
         self._reach = 0.0 if self._outline is None else float(np.hypot(*self._outline.T).max())
         self._steering = Steering.of(robot)
         self._turns_in_place, self._reverse = robot.drive == "differential", robot.reverse
-        self.step = robot.inscribed_disc.radius / STATES_PER_RADIUS
+        self.step = robot.keeping(0.0).inscribed_disc.radius / STATES_PER_RADIUS
         discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
         solid = [shape.polygon().shapely() for shape in world.obstacles if not isinstance(shape, Disc)]
         self._solid = shapely.STRtree(solid)
@@ -182,30 +183,23 @@ class Referee:
 
     def _outside(self, states: FloatArray) -> NDArray[np.bool_]:
         low, high = np.array(self._world.bounds[:2]) - TOUCHING, np.array(self._world.bounds[2:]) + TOUCHING
-        if self._outline is None:
-            places, reach = states[:, None, :2], self._radius
-        else:
-            places, reach = self._corners(states, self._outline), 0.0
+        reach = self._radius
+        places = states[:, None, :2] if self._outline is None else self._corners(states, self._outline)
         outside = (places.min(axis=1) - reach < low).any(axis=1) | (places.max(axis=1) + reach > high).any(axis=1)
         if self._boundary is not None:
             robots = shapely.points(places[:, 0]) if self._outline is None else shapely.polygons(places)
             outside |= ~shapely.covers(self._boundary, robots)
-            if self._outline is None:
+            if reach > 0.0:
                 outside |= shapely.distance(self._boundary.exterior, robots) < reach
         return np.asarray(outside)
 
     def _hit(self, states: FloatArray) -> NDArray[np.bool_]:
         hit = np.zeros(len(states), dtype=np.bool_)
-        if self._outline is None:
-            robots = shapely.points(states[:, :2])
-            hit[self._solid.query(robots, predicate="dwithin", distance=self._radius)[0]] = True
-            (x, y), r = states[:, :2].T, self._radius
-            places = shapely.box(x - r, y - r, x + r, y + r)
-        else:
-            robots = places = shapely.polygons(self._corners(states, self._outline))
-            hit[self._solid.query(robots, predicate="intersects")[0]] = True
+        at = states[:, :2] if self._outline is None else self._corners(states, self._outline)
+        robots = shapely.points(at) if self._outline is None else shapely.polygons(at)
+        hit[self._solid.query(robots, predicate="dwithin", distance=self._radius)[0]] = True
         if len(self._radii):
-            which, disc = self._discs.query(places)
+            which, disc = self._discs.query(robots, predicate="dwithin", distance=self._radius)
             apart = shapely.distance(robots[which], self._centers[disc])
             hit[which[apart < self._radius + self._radii[disc]]] = True
         return hit

@@ -86,6 +86,15 @@ def benchmark(
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
+    clearance: Annotated[
+        float,
+        option(
+            options.CLEARANCE,
+            "Minimum clearance to obstacles and bounds: part of the problem, which every planner and the referee get. "
+            "Not for native planners.",
+            group="Robot",
+        ),
+    ] = 0.0,
     resolution: Annotated[
         float | None,
         option(
@@ -101,7 +110,7 @@ def benchmark(
     Each run has a process of its own; its time is planning time alone, without set-up. The same command again makes
     the runs that are missing. Read the results with 'trailmark report' or Planner Arena.
     """
-    from trailmark.benchmark.planners import read_planners
+    from trailmark.benchmark.planners import NATIVE, read_planners
     from trailmark.benchmark.runner import Benchmark
     from trailmark.benchmark.store import Store
     from trailmark.benchmark.workers import cluster, local
@@ -119,14 +128,17 @@ def benchmark(
     with console.progress("loading worlds"):
         ends = None if start is None or goal is None else (start, goal)
         body = options.RobotOptions(robot, turning_radius, forward_only, drive)
-        wanted = Wanted(body, tuple(query or ()), count, ends)
+        wanted = Wanted(body, tuple(query or ()), count, ends, clearance)
         problems = _posed_problems(worlds or [], given, public, wanted)
+        chosen = read_planners(
+            planners or (list(given.planners) if given else []),
+            cars=any(problem.steering is not None for problem in problems),
+        )
+        if clearance and (native := [name for name in chosen if name.startswith(NATIVE)]):
+            raise UsageError(f"--clearance given with {native[0]}, which keeps none; expected planners from Python")
         plan = Benchmark(
             problems=problems,
-            planners=read_planners(
-                planners or (list(given.planners) if given else []),
-                cars=any(problem.steering is not None for problem in problems),
-            ),
+            planners=chosen,
             runs=_setting(runs, given, "runs", MANY),
             time_limit=_setting(time_limit, given, "time_limit", options.SECONDS),
             memory_limit=_setting(memory_limit, given, "memory_limit", MEGABYTES),
@@ -193,12 +205,13 @@ def print_results(results: Results, planners: Sequence[str]) -> None:
 
 
 class Wanted(NamedTuple):
-    """The options about problems: robot, names of queries (all if empty), number (all if None), start and goal."""
+    """The options about problems: robot, names of queries (all if empty), number (all if None), ends, clearance."""
 
     robot: options.RobotOptions
     queries: tuple[str, ...]
     number: int | None
     ends: tuple[options.Pose, options.Pose] | None = None
+    clearance: float = 0.0
 
     def load(self, text: str) -> World:
         """Return a world, with start and goal as its only query if they are given."""
@@ -213,7 +226,7 @@ class Wanted(NamedTuple):
 
         if robot := robot or world.robot:
             robot = self.robot.steered(robot)
-            world = options.grown_for(world, robot)
+            world, robot = options.grown_for(world, robot), robot.keeping(self.clearance)
         return problems_of(world, robot, queries)
 
 

@@ -37,6 +37,7 @@ def live(
     ] = None,
     no_browser: Annotated[bool, flag("--no-browser", "Print the address without opening a browser.")] = False,
     seed: options.SeedOption = 0,
+    unknown: options.UnknownOption = None,
 ) -> None:
     """Open a world in the browser, where start, goal and obstacles can be dragged.
 
@@ -49,7 +50,7 @@ def live(
 
     with listen(host, port, token) as listening:
         with console.progress("loading") as progress:
-            loaded = options.load_world(world)
+            loaded = options.load_world(world, unknown)
             body = options.robot_of(loaded, robot)
             progress.stage("preparing (compiles on first use)")
             # Loads the kernels, and reports errors of the world before the first request.

@@ -52,7 +52,10 @@ def map_log(
         ),
     ] = None,
     even_if_uncertain: Annotated[
-        bool, flag("--even-if-uncertain", "Grow them by --confidence though the map is not certified.")
+        bool,
+        typer.Option(
+            "--force", "--even-if-uncertain", help="Grow them by --confidence though the map is not certified."
+        ),
     ] = False,
     robot: Annotated[
         RobotSpec, option(options.ROBOT, "Stored in the world: disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;…")
@@ -134,7 +137,7 @@ def map_log(
             mapped = map_records(read, chosen, on_progress=follow, **asked)
         except NotCertifiedError as error:
             for file in filter(None, outputs.values()):
-                console.not_written(file, f"{error}; --even-if-uncertain grows the obstacles all the same")
+                console.not_written(file, f"{error}; --force grows the obstacles all the same")
             raise typer.Exit(NOT_CERTIFIED) from None
         except TrailmarkError as error:
             raise FormatError(log, str(error)) from None

@@ -234,12 +234,19 @@ PATH_FILE = OutputFile(*PATH_SUFFIXES)
 SETTINGS, ZONES = InputFile("FILE.yaml"), InputFile()
 
 
-def option(kind: Kind, help: str, *names: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name
+def option(
+    kind: Kind,
+    help: str,  # noqa: A002  # typer's name
+    *names: str,
+    group: str | None = None,
+    hidden: bool = False,
+) -> Any:
     """Return an option of a kind, for ``Annotated``; it has the parameter's name, or those given.
 
-    ``group`` is its heading in the help.
+    ``group`` is its heading in the help, where a ``hidden`` one is not.
     """
-    return typer.Option(*names, parser=kind, metavar=kind.metavar, help=help, rich_help_panel=group)
+    shown: Any = {"rich_help_panel": group, "hidden": hidden}
+    return typer.Option(*names, parser=kind, metavar=kind.metavar, help=help, **shown)
 
 
 def flag(name: str, help: str, group: str | None = None) -> Any:  # noqa: A002  # typer's name

@@ -18,6 +18,8 @@ from trailmark.cli import console, options, plan_files
 from trailmark.cli.options import Pose, Position, SpeedLimits, Tolerance, UsageError, flag, option
 
 if TYPE_CHECKING:
+    import networkx as nx
+
     from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanProgress, PlanResult
     from trailmark.world import World
     from trailmark.world.goals import Goal
@@ -29,7 +31,8 @@ CLOSE, CLOSE_SHARE = 0.01, 0.02
 """Metres, and share of the footprint, nearer than which a path that no clearance was asked for is told of."""
 
 PLAN_SETTINGS = {"gap": options.FACTOR, "max_iterations": options.Count(low=1), "frame_id": options.FRAME}
-"""What a settings file may say of one plan, beside the planner's settings."""
+PLAN_SETTINGS |= {"landmarks": options.LANDMARKS, "step": options.METRES, "limits": options.LIMITS}
+"""What a settings file may say of one plan, beside the planner's settings; the last three have options too."""
 
 
 def plan(
@@ -57,7 +60,7 @@ def plan(
     plot: options.PlotOption = None,
     as_json: options.JsonOption = False,
     seed: options.SeedOption = 0,
-    landmarks: Annotated[int | None, option(options.LANDMARKS, "Landmarks of the roadmap; default: by world.")] = None,
+    landmarks: Annotated[int | None, option(options.LANDMARKS, "As in --settings.", hidden=True)] = None,
     goal_tolerance: Annotated[
         Tolerance | None, option(options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query")
     ] = None,
@@ -90,15 +93,7 @@ def plan(
     drive: options.DriveOption = None,
     turning_radius: options.TurningRadiusOption = None,
     forward_only: options.ForwardOnlyOption = False,
-    limits: Annotated[
-        SpeedLimits | None,
-        option(
-            options.LIMITS,
-            "Maximum speed (m/s), acceleration (m/s²), turn rate (rad/s) and turn acceleration (rad/s²), for "
-            "trajectories and the objective time; default: 1,0.5,1 and no limit.",
-            group="Robot",
-        ),
-    ] = None,
+    limits: Annotated[SpeedLimits | None, option(options.LIMITS, "As in --settings.", hidden=True)] = None,
     objective: Annotated[
         str | None,
         option(
@@ -118,8 +113,10 @@ def plan(
         option(
             options.SETTINGS,
             "Lines 'name: value': gap (stop once the cost is proven within this share of the optimum), max_iterations "
-            "(of planning; with time enough for them, the same seed gives the same path), frame_id (in messages), and "
-            "those of PlannerSettings.",
+            "(of planning; with time enough for them, the same seed gives the same path), frame_id (in messages), "
+            "landmarks (of the roadmap), step (metres: maximum spacing of written waypoints), limits (m/s, m/s², "
+            "rad/s, rad/s², for trajectories and the objective time; default: 1,0.5,1 and no limit), and those of "
+            "PlannerSettings.",
             group="Limits",
         ),
     ] = None,
@@ -132,9 +129,7 @@ def plan(
             rich_help_panel="Output",
         ),
     ] = False,
-    step: Annotated[
-        float | None, option(options.METRES, "Maximum spacing of waypoints in the written path.", group="Output")
-    ] = None,
+    step: Annotated[float | None, option(options.METRES, "As in --settings.", hidden=True)] = None,
     trajectory: Annotated[
         Path | None,
         option(
@@ -168,7 +163,7 @@ def plan(
         raise UsageError("--route-graph given with --via, --escape, --bidirectional or --relax; expected it alone")
     if output == Path("-"):
         output, as_json = None, True
-    speeds, stopped = limits or SpeedLimits(), Event()
+    stopped = Event()
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
@@ -197,6 +192,9 @@ def plan(
         from trailmark.world.objective import Objective
 
         chosen, asked = _read_settings(settings)
+        in_file = {name: asked.pop(name, None) for name in ("landmarks", "step", "limits")}
+        landmarks, step = landmarks or in_file["landmarks"], step or in_file["step"]
+        speeds = limits or in_file["limits"] or SpeedLimits()
         progress.stage("preparing (compiles on first use)")
         planner = LandmarkPlanner(
             loaded,
@@ -220,10 +218,10 @@ def plan(
             progress.details = (f"{state.landmarks:,} landmarks", cost)
 
         progress.stage("planning", time_limit)
-        frame = asked.pop("frame_id", "map")
+        frame, route = asked.pop("frame_id", "map"), None
         with _stopping(stopped):
             if route_graph is not None:
-                result = _planned_on_route(planner, route_graph, a, b, time_limit)
+                route, result = _planned_on_route(planner, route_graph, a, b, time_limit)
             else:
                 asked |= {"on_progress": follow, "stop": stopped.is_set, "escape": escape}
                 places = [each if isinstance(each, Pose) else Goal(each) for each in via or ()]
@@ -252,7 +250,7 @@ def plan(
         if plot is not None:
             from trailmark.plotting import save_plan_figure
 
-            save_plan_figure(plot, loaded, body, result, planner.roadmap, start=a, goal=b, query=name)
+            save_plan_figure(plot, loaded, body, result, planner.roadmap, start=a, goal=b, query=name, route=route)
 
     if as_json:
         console.say(console.json_text(record))
@@ -263,17 +261,20 @@ def plan(
     raise typer.Exit(EXIT_STATUS[result.status])
 
 
-def _planned_on_route(planner: LandmarkPlanner, file: Path, start: Any, goal: Any, time_limit: float) -> PlanResult:
-    """Return the cheapest path over a route graph, and tell along which of its edges the robot collides."""
+def _planned_on_route(
+    planner: LandmarkPlanner, file: Path, start: Any, goal: Any, time_limit: float
+) -> tuple[nx.DiGraph, PlanResult]:
+    """Return a route graph and the cheapest path over it, and tell along which of its edges the robot collides."""
     from trailmark.roadmap import read_route_graph
     from trailmark.world.goals import Goal
 
     if isinstance(goal[0], Goal):
         raise UsageError("--route-graph: expected a goal X,Y,T without tolerance, got another")
-    result = planner.plan_on_route(read_route_graph(file), start, goal, time_limit)
+    graph = read_route_graph(file)
+    result = planner.plan_on_route(graph, start, goal, time_limit)
     if result.colliding:
         console.tell(f"{file}: the robot collides along the edges {', '.join(map(str, result.colliding))}")
-    return result
+    return graph, result
 
 
 Ends = tuple[str | None, tuple[float, float, float], "tuple[float, float, float] | tuple[Goal, ...]"]

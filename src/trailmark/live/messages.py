@@ -80,6 +80,7 @@ _GOAL = Field(
     lambda v: _is_list(v) or _is_mapping(v),
     required=True,
 )
+_VIA = Field("at most 100 places [x, y] or [x, y, theta] to pass", lambda v: _is_list(v) and len(v) <= 100)
 _FLAG = Field("true or false", lambda v: isinstance(v, bool))
 _TEXT = Field("a text", _is_text)
 
@@ -98,7 +99,7 @@ FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         # Whether the answer leaves out the world: who drags knows it.
         "brief": _FLAG,
     },
-    "plan": {"start": _START, "goal": _GOAL, "time_limit": _SECONDS},
+    "plan": {"start": _START, "goal": _GOAL, "time_limit": _SECONDS, "via": _VIA},
     # A path from where the robot is, in a world that changed: the one being followed is kept or led around.
     "replan": {"start": _START, "goal": _GOAL, "time_limit": _SECONDS},
     "stop": {},

@@ -120,7 +120,10 @@ class Session:
         content = world_data(self._world)
         if not self._world.queries:
             content["queries"] = [{"name": "live", **self._far_apart()}]
-        return {"world": content, "name": self._world.name}
+        unknown = [
+            {"vertices": p.vertices.tolist(), "holes": [h.tolist() for h in p.holes]} for p in self._world.unknown
+        ]
+        return {"world": content, "name": self._world.name, "unknown": unknown}
 
     def _far_apart(self) -> dict[str, list[float]]:
         """Return a start and a goal for a world that has none: free places, far from each other."""
@@ -155,7 +158,9 @@ class Session:
         from trailmark.world.world_file import world_fields
 
         world = World(**world_fields({"trailmark": 1, **fields["world"]}, FilePath("world")))
-        world = _named(replace(world, robot=world.robot or self._world.robot, sources=()))
+        same = (world.name, world.bounds) == (self._world.name, self._world.bounds)
+        unknown = self._world.unknown if same else ()  # world files hold none
+        world = _named(replace(world, robot=world.robot or self._world.robot, sources=(), unknown=unknown))
         options = {name: fields[name] for name in ("clearance", "objective") if name in fields}
         # What cannot be planned in leaves the old world as it was.
         planner = LandmarkPlanner(world, seed=self._seed, **options)
@@ -199,7 +204,11 @@ class Session:
             extras, result = {"kept": replanned.kept}, replanned
         else:
             better = _BetterPaths(lambda progress, first: self._tell(self._progress(message, progress, first)))
-            result = planner.plan(query.start, query.goal, seconds, stop=stop.is_set, on_progress=better.look)
+            how: dict[str, Any] = {"stop": stop.is_set, "on_progress": better.look}
+            if via := fields.get("via"):
+                result = planner.plan_through(query.start, [*via, query.goal], seconds, **how)
+            else:
+                result = planner.plan(query.start, query.goal, seconds, **how)
         self._path = result.path
         self._tell({"type": "path", "id": message.id, "final": True, **self._record(result), **extras})
 

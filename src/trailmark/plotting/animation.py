@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 
 from trailmark.errors import OutputError
-from trailmark.plotting.canvas import draw_note, figure_of, picture_of
+from trailmark.plotting.canvas import annotate, figure_of, picture_of
 from trailmark.plotting.world import draw_end, draw_robots, draw_world
 from trailmark.shown import GOAL, PATH
 
@@ -28,7 +28,10 @@ __all__ = ["Frame", "save_animation", "save_trajectory_animation", "write_gif"]
 FRAME_SECONDS, MAX_FRAMES = 0.1, 150
 """Of a drive along a trajectory: how long a frame is shown; a longer drive is shown faster than it is."""
 
-_DPI = 72
+_DPI = 80
+
+LEGEND_ROOM = 1.6
+"""Inches that an animation's legend gets (:func:`trailmark.plotting.canvas.figure_of`)."""
 
 
 class Frame(NamedTuple):
@@ -115,15 +118,15 @@ def write_gif(file: FilePath, pictures: Sequence[Image], seconds: float) -> None
 
 def _drawn(frame: Frame, robot: Robot, goal: FloatArray | None) -> NDArray[np.uint8]:
     """Return a frame's picture, shape (height, width, 3)."""
-    figure, axes = figure_of(frame.world)
+    figure, axes = figure_of(frame.world, room=LEGEND_ROOM)
     figure.set_dpi(_DPI)
     draw_world(axes, frame.world)
     if goal is not None:
         draw_end(axes, robot, goal, GOAL, "s", "goal")
     if frame.path is not None:
-        axes.plot(*frame.path.states[:, :2].T, color=PATH, lw=2.0, zorder=6.0, solid_joinstyle="round")
-    draw_robots(axes, robot, [frame.robot_at], PATH, "white", 1.0, 7.0)
-    draw_note(axes, frame.note, 8)
+        axes.plot(*frame.path.states[:, :2].T, color=PATH, lw=2.0, zorder=6.0, solid_joinstyle="round", label="path")
+    draw_robots(axes, robot, [frame.robot_at], PATH, "white", 1.0, 7.0, label="robot")
+    annotate(figure, axes, frame.world.name, frame.note)
     canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -50,6 +50,9 @@ PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 LONG_SIDE = 7.5  # inches of the axes
 DPI = 160
 
+WIDE = 1.15
+"""Width by height of axes from which the legend stands below."""
+
 
 def view(world: World) -> tuple[float, float, float, float]:
     """Return the part of the plane that a picture of the world shows: xmin, ymin, xmax, ymax in metres."""
@@ -72,14 +75,19 @@ def tidy(axes: Axes, font_size: float) -> None:
     axes.spines[:].set_visible(False)
 
 
-def figure_of(world: World, new_figure: Callable[..., Figure] = Figure) -> tuple[Figure, Axes]:
-    """Return a figure with one pair of axes that fit the world's shape; ``new_figure`` makes it, as ``Figure`` does."""
+def figure_of(world: World, new_figure: Callable[..., Figure] = Figure, *, room: float = 0.0) -> tuple[Figure, Axes]:
+    """Return a figure with one pair of axes that fit the world's shape; ``new_figure`` makes it, as ``Figure`` does.
+
+    Writing a picture makes it as large as what is in it; else ``room`` (inches) is left where :func:`annotate` puts the
+    legend: half of it below axes that are wide, or all beside others.
+    """
     xmin, ymin, xmax, ymax = view(world)
     ratio = max((xmax - xmin) / (ymax - ymin), (ymax - ymin) / (xmax - xmin))
     # Long and thin worlds are drawn larger.
     scale = LONG_SIDE * min(1.5, max(1.0, math.sqrt(0.4 * ratio))) / max(xmax - xmin, ymax - ymin)
     width, height = max(0.8, (xmax - xmin) * scale), max(0.8, (ymax - ymin) * scale)
-    left, bottom, right, top = 0.7, 0.6, 0.2, 0.6
+    wide = width > WIDE * height
+    left, bottom, right, top = 0.7, 0.6 + (0.5 * room if wide else 0.0), 0.2 + (0.0 if wide else room), 0.6
     whole = left + width + right, bottom + height + top
     figure = new_figure(figsize=whole, facecolor="white", **({"dpi": DPI} if new_figure is Figure else {}))
     axes = figure.add_axes((left / whole[0], bottom / whole[1], width / whole[0], height / whole[1]))
@@ -93,7 +101,7 @@ def annotate(figure: Figure, axes: Axes, title: str, facts: str) -> None:
         room = max(72, int(axes.bbox.width * 72.0 / figure.dpi / (0.6 * size)))
         note = draw_note(axes, text if len(text) <= room else text[: room - 1] + "…", up)
         note.set(fontsize=size, fontweight=weight, color=colour)
-    wide, entries = axes.bbox.width > 1.15 * axes.bbox.height, entries_of([axes])
+    wide, entries = axes.bbox.width > WIDE * axes.bbox.height, entries_of([axes])
     axes.legend(
         entries.values(),
         entries.keys(),

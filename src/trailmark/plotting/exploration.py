@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.exploration.result import landmarks_of
-from trailmark.plotting.animation import gif_of, write_gif
+from trailmark.plotting.animation import LEGEND_ROOM, gif_of, write_gif
 from trailmark.plotting.canvas import (
     annotate,
     draw_note,
@@ -76,8 +76,7 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> None:
     set_limits(axes, result.world)
     history, known, landmarks = result.history, result.known, landmarks_of(result.history)
     show_image(axes, picture_of_cells(known.state), known.origin, known.cell, interpolation="nearest", zorder=0.5)
-    for face, edge, label in ((OBSTACLE, OBSTACLE, "occupied"), ("white", MARGIN, "free"), (MARGIN, MARGIN, "unknown")):
-        axes.plot([], [], "s", ms=8.0, color=face, mec=edge, zorder=0.5, label=label)
+    _name_cells(axes)
     way, time = np.array([row.pose[:2] for row in history]), np.array([row.time for row in history])
     pieces = LineCollection(list(np.stack([way[:-1], way[1:]], axis=1)), array=time[:-1], cmap=TIME_COLOURS)
     pieces.set(linewidths=1.6, zorder=4.0, capstyle="round")
@@ -91,6 +90,12 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> None:
     _number_landmarks(axes, landmarks)
     draw_end(axes, result.world.robot, history[0].pose, START, "o", "start")
     draw_end(axes, result.world.robot, history[-1].pose, GOAL, "s", "end")
+
+
+def _name_cells(axes: Axes) -> None:
+    """Add what the colours of cells mean to the legend."""
+    for face, edge, label in ((OBSTACLE, OBSTACLE, "occupied"), ("white", MARGIN, "free"), (MARGIN, MARGIN, "unknown")):
+        axes.plot([], [], "s", ms=8.0, color=face, mec=edge, zorder=0.5, label=label)
 
 
 def picture_of_cells(state: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -163,22 +168,25 @@ class _Film:
         self.driven = np.array([row.pose[:2] for row in result.history])
         state, self.first_known, cell = coarse(known.state, result.first_known, known.cell, MAX_CELLS)
         self.cells, self.unknown = picture_of_cells(state), picture_of_cells(np.full_like(state, UNKNOWN))
-        figure, axes = figure_of(result.world)
+        figure, axes = figure_of(result.world, room=LEGEND_ROOM)
         figure.set_dpi(DPI)
         canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
         self.canvas, self.axes = canvas, axes
         set_limits(axes, result.world)
+        self.image = show_image(axes, self.unknown, known.origin, cell, interpolation="nearest")
+        (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6, label="driven")
+        (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), label="path")
+        (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0, label="next landmark")
+        (self.marks,) = axes.plot([], [], label="landmarks", **MARK)
+        self.landmarks = landmarks_of(result.history)
+        self.body = PolyCollection([], facecolors=PATH, edgecolors="white", label="robot")
+        axes.add_collection(self.body, autolim=False)
+        _name_cells(axes)
+        annotate(figure, axes, result.world.name, "")
+        self.note = draw_note(axes, "", 6)
+        self.note.set(fontsize=9)
         canvas.draw()
         self.empty = canvas.copy_from_bbox(figure.bbox)
-        self.image = show_image(axes, self.unknown, known.origin, cell, interpolation="nearest")
-        (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6)
-        (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)))
-        (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0)
-        (self.marks,) = axes.plot([], [], **MARK)
-        self.landmarks = landmarks_of(result.history)
-        self.body = PolyCollection([], facecolors=PATH, edgecolors="white")
-        axes.add_collection(self.body, autolim=False)
-        self.note = draw_note(axes, "", 8)
 
     def drawn(self, i: int) -> NDArray[np.uint8]:
         """Return the picture of a row of the history, shape (height, width, 3)."""

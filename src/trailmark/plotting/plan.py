@@ -33,6 +33,7 @@ from trailmark.verify.motions import Motions, merged
 from trailmark.world.goals import goals_of
 
 if TYPE_CHECKING:
+    import networkx as nx
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
@@ -99,6 +100,7 @@ def save_plan_figure(
     goal: ArrayLike | tuple[Goal, ...] | None = None,
     query: str | None = None,
     layers: Layers = ALL,
+    route: nx.DiGraph | None = None,
 ) -> None:
     """Write a picture of a plan, with its cost over time; without a path it shows the roadmap, which tells why.
 
@@ -112,13 +114,22 @@ def save_plan_figure(
         goal: configuration, shape (3,), or goals.
         query: its name, for the title.
         layers: what to show.
+        route: the route graph that was planned on (:func:`trailmark.read_route_graph`), left out if None.
 
     Raises:
         OutputError: another suffix, a file that cannot be written, or one that the world was read from.
     """
     figure, axes = figure_of(world)
     draw_world(axes, world, robot, layers)
+    if route is not None and layers.edges:
+        lines = np.array([[route.nodes[node]["position"] for node in edge] for edge in route.edges])
+        draw_lines(axes, lines, LANDMARK, 1.2, 3.0)
+        axes.plot([], [], color=LANDMARK, lw=1.2, zorder=3.0, label="route graph")
     draw_plan(axes, robot, result.path, roadmap, start, goal, layers)
+    if layers.ends and result.path is not None:
+        for leg in result.legs[:-1]:
+            x, y = leg.path.states[-1, :2]  # type: ignore[union-attr]  # each leg of a path has one
+            axes.plot(x, y, "D", color=PATH, ms=7.0, mec="white", mew=1.0, ls="none", zorder=8.0, label="via point")
     annotate(figure, axes, world.name if query is None else f"{world.name} · {query}", plan_facts(result, robot))
     if layers.progress:
         _add_progress(figure, axes, result.history, result.time.get("total") or 0.0, result.lower_bound)

@@ -234,17 +234,20 @@ class PlanningSite:
         planner, grid = self.planner, self.grid
         if planner is None or grid is None:
             return Answer("UNKNOWN", "expected a map first, got none yet")
+        names = ["the goal"] if len(goals) == 1 else [f"goal {i}" for i in range(len(goals))]
+        for pose, name in ((start, "the start"), *zip(goals, names, strict=True)):
+            if not all(map(math.isfinite, pose)) or not grid.contains(pose):
+                end, text = "START" if name == "the start" else "GOAL", ", ".join(f"{value:.3g}" for value in pose)
+                return Answer(f"{end}_OUTSIDE_MAP", f"{name} ({text}) lies outside the map", stamp=grid.stamp)
         legs: list[Leg] = []
         bound: float | None = 0.0
         message = ""
-        for i, goal in enumerate(goals):
-            named = "the goal" if len(goals) == 1 else f"goal {i}"
-            for pose, end, name in ((start, "START", "the start"), (goal, "GOAL", named)):
-                if not all(map(math.isfinite, pose)) or not grid.contains(pose):
-                    text = ", ".join(f"{value:.3g}" for value in pose)
-                    return Answer(f"{end}_OUTSIDE_MAP", f"{name} ({text}) lies outside the map", stamp=grid.stamp)
+        # At first through all goals at once; what is followed, and what begins with a way out, leg by leg.
+        alone = len(goals) == 1 or bool(known) or (self.settings.escape and not planner.checker.valid(start))
+        parts = [(name, [goal]) for name, goal in zip(names, goals, strict=True)] if alone else [("goals", [*goals])]
+        for i, (named, part) in enumerate(parts):
             try:
-                result = self._leg(planner, start, goal, known[i].path if i < len(known) else None, stop)
+                result = self._planned(planner, start, part, known[i].path if i < len(known) else None, stop)
             except ConfigurationError as error:
                 end = "GOAL" if planner.checker.valid(start) else "START"
                 return Answer(f"{end}_OCCUPIED", str(error), stamp=grid.stamp)
@@ -252,20 +255,21 @@ class PlanningSite:
                 code = "NO_VALID_PATH" if result.status == "infeasible" else "TIMEOUT"
                 proven = "proven: no path" if code == "NO_VALID_PATH" else "no path within the time limit"
                 return Answer(code, f"{named}: {proven}: {result.reason or 'no reason is known'}", stamp=grid.stamp)
-            legs.append(Leg(goal, result.path))
+            found = [leg.path or result.path for leg in result.legs or (result,)]
+            legs += [Leg(goal, path) for goal, path in zip(part, found, strict=True)]
             bound = None if bound is None or result.lower_bound is None else bound + result.lower_bound
             message, start = result.reason, _pose(result.path.states[-1])
         return Answer("NONE", message, tuple(legs), lower_bound=bound, stamp=grid.stamp)
 
-    def _leg(
-        self, planner: LandmarkPlanner, start: Pose, goal: Pose, known: Path | None, stop: Callable[[], bool]
+    def _planned(
+        self, planner: LandmarkPlanner, start: Pose, goals: list[Pose], known: Path | None, stop: Callable[[], bool]
     ) -> PlanResult:
-        """Return a path to one goal."""
+        """Return a path through goals; with one that is known to a single goal."""
         own = self.settings
-        end = goal if own.tolerance == 0.0 else Goal(goal, position_tolerance=own.tolerance)
+        ends = [goal if own.tolerance == 0.0 else Goal(goal, position_tolerance=own.tolerance) for goal in goals]
         if known is not None:
-            limit = min(REPLANNING, own.time_limit)
-            result = planner.replan(start, end, known, limit, improvement=own.improvement_time)
+            limit, how = min(REPLANNING, own.time_limit), {"improvement": own.improvement_time}
+            result: PlanResult = planner.replan(start, ends[0], known, limit, escape=own.escape, **how)
             if result.path is not None:
                 return result
         first: float | None = None
@@ -276,10 +280,12 @@ class PlanningSite:
                 first = perf_counter()
 
         def enough() -> bool:
-            return stop() or (first is not None and perf_counter() - first >= own.improvement_time)
+            return stop() or (first is not None and perf_counter() - first >= len(ends) * own.improvement_time)
 
         time_limit = max(round(self._deadline - perf_counter(), 3), LEAST)
-        return planner.plan(start, end, time_limit, on_progress=look, stop=enough)
+        if len(ends) > 1:
+            return planner.plan_through(start, ends, time_limit, on_progress=look, stop=enough)
+        return planner.plan(start, ends[0], time_limit, on_progress=look, stop=enough, escape=own.escape)
 
 
 def _planner(world: World, own: Settings) -> LandmarkPlanner:

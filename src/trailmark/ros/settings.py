@@ -37,6 +37,7 @@ class Settings:
     clearance: float = _setting(0.0, "metres that every path keeps from all obstacles", 0.0, 1e3)
     objective: str = _setting("", "length, time, clearance, or name=weight pairs; empty: length and a car's maneuvers")
     tolerance: float = _setting(0.0, "metres that a path may end away from a goal's position", 0.0, 1e3)
+    escape: bool = _setting(False, "lead a robot that stands in an obstacle out of it first, never deeper")
     time_limit: float = _setting(1.0, "seconds to find a path or the proof that there is none", 1e-3, 3600.0)
     improvement_time: float = _setting(0.003, "seconds to go on bettering a path once there is one", 0.0, 3600.0)
     lethal_cost_threshold: int = _setting(100, "cells of this value or more are occupied", 1, 100)

@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from docs.api_pages import public_names
+from docs.api_pages import FIRST, PARTS, public_names
 from tests.helpers.processes import run_python
 from tests.helpers.trials import briefly
 
@@ -127,6 +127,12 @@ def faults_of(file: Path, page: Page, pages: dict[Path, Page]) -> list[str]:
         elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].places:
             found.append(f"{file.name}: {link}, no such place")
     return found
+
+
+def test_the_reference_lists_its_pages_as_one_meets_them() -> None:
+    listed = re.findall(r"^\.\./api/(\S+)$", (DOCS / "reference" / "api.md").read_text(), flags=re.M)
+    assert listed == list(PARTS)
+    assert set(FIRST) <= set(public_names()["trailmark"])
 
 
 def test_every_public_name_and_what_is_public_in_it_is_described() -> None:

@@ -3,13 +3,16 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 from tests.helpers.chromium import Browser
+from tests.live.conftest import serving
 
 from trailmark import World, check_path
 
@@ -35,6 +38,14 @@ def on_screen(tab: Browser, point: str) -> tuple[float, float]:
     place = f"const b = {box}, p = trailmark.view.toScreen(...{point}); return [p[0] + b.left, p[1] + b.top];"
     x, y = tab.run(f"(() => {{ {place} }})()")
     return float(x), float(y)
+
+
+def pixel(tab: Browser, place: list[float]) -> list[int]:
+    """Return the colour of the canvas at a place of the world."""
+    at = f"trailmark.view.toScreen(...{place}).map((v) => v * trailmark.view.ratio)"
+    found: list[int] = tab.run(f"[...view.brush.getImageData(...{at}, 1, 1).data].slice(0, 3)")
+    tab.complaints = [said for said in tab.complaints if "readback" not in said]  # reading is slow, says the browser
+    return found
 
 
 def world_of(tab: Browser, tmp_path: Path) -> World:
@@ -196,7 +207,7 @@ def test_fingers_drag_and_pinch(tab: Browser, address: str) -> None:
 
 def test_what_is_exported_is_what_is_shown(tab: Browser, address: str, tmp_path: Path) -> None:
     show(tab, address)
-    tab.run("margin.value = 0.05, objective.value = 'clearance', objective.dispatchEvent(new Event('change'))")
+    tab.run("clearance.value = 0.05, objective.value = 'clearance', objective.dispatchEvent(new Event('change'))")
     tab.wait(f"settle === 0 && inFlight.size === 0 && {SETTLED}")  # the plan that takes longer has ended, too
     states = settled(tab)
     tab.run("""window.kept = new Map(); navigator.clipboard.writeText = () => Promise.reject(new Error('forbidden'));
@@ -227,6 +238,51 @@ def test_what_is_exported_is_what_is_shown(tab: Browser, address: str, tmp_path:
         exec(program.replace("time_limit=1.0", "time_limit=0.3"), names)  # noqa: S102  # what is exported is to be run
     assert said.getvalue().startswith("solved")
     assert names["result"].path.states[[0, -1]] == pytest.approx(np.array(states)[[0, -1]], abs=1e-5)
+    assert tab.complaints == []
+
+
+def test_via_points_are_set_and_taken_away_by_shift_and_a_click(tab: Browser, address: str) -> None:
+    show(tab, address)
+    places = [[3.5, 5.8], [12.0, 10.8]]
+    for place in places:
+        tab.click(on_screen(tab, str(place)), modifiers=8)
+    states = settled(tab)
+    assert np.array(tab.run("trailmark.scene.via")) == pytest.approx(np.array(places), abs=0.02)
+    line = shapely.LineString([state[:2] for state in states])
+    along = [line.project(shapely.Point(place)) for place in places]
+    assert [line.distance(shapely.Point(place)) for place in places] == pytest.approx([0.0, 0.0], abs=0.02)
+    assert along == sorted(along)
+    tab.click(on_screen(tab, str(places[0])), modifiers=8)
+    assert shapely.LineString([state[:2] for state in settled(tab)]).distance(shapely.Point(places[0])) > 0.5
+    tab.run("document.getElementById('undo').click(), document.getElementById('undo').click()")
+    assert len(tab.run("trailmark.scene.via")) == 1
+    tab.run("clicks.undo()")
+    assert tab.complaints == []
+
+
+def test_what_a_map_says_nothing_of_is_shaded(tab: Browser, tmp_path: Path) -> None:
+    pixels = np.full((40, 60), 254, np.uint8)
+    pixels[10:20, 20:30] = 205
+    Image.fromarray(pixels).save(tmp_path / "map.pgm")
+    (tmp_path / "map.yaml").write_text(
+        "image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    with serving(str(tmp_path / "map.yaml"), "--robot", "disc:0.2", "--unknown", "free") as address:
+        show(tab, address)
+        for _ in range(2):
+            colours = [pixel(tab, place) for place in ([2.5, 2.5], [0.5, 3.8])]
+            assert sum(colours[0]) < sum(colours[1]) - 30
+            tab.run("changeRobot()")  # the world is sent to the server and comes back
+            tab.wait(READY)
+    assert tab.complaints == []
+
+
+def test_a_start_in_an_obstacle_says_how_deep_it_is_and_how_far_out(tab: Browser, address: str) -> None:
+    show(tab, address)
+    tab.run("scene.note(), scene.start = [3.0, 3.7, 0], changed()")
+    said = tab.wait("badEnd === 'start' && document.getElementById('verdict').textContent")
+    assert re.search(r"overlaps .* by [\d.]+ m.*; the way out is [\d.]+ m long", said)
+    tab.run("clicks.undo()")
     assert tab.complaints == []
 
 

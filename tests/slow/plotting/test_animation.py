@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.collections import EllipseCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -17,6 +18,8 @@ from trailmark import Disc, OutputError, Path, Rectangle, World
 from trailmark.estimation import Detector, MappedLog, MapSettings, RangeBearing, Scanner, Unicycle, map_log, simulate
 from trailmark.plotting import Frame, save_animation, save_trajectory_animation
 from trailmark.plotting.mapped import draw_map
+from trailmark.shown import GOAL
+from trailmark.shown import PATH as PATH_COLOUR
 from trailmark.world import ObstacleEstimate, Robot
 
 WORLD = World("room", (0.0, 0.0, 8.0, 4.0), (Rectangle((4.0, 1.0), 1.0, 2.0),))
@@ -45,6 +48,12 @@ def test_each_frame_is_a_picture(tmp_path: FilePath) -> None:
         for number in range(3):
             picture.seek(number)
             shown.append(np.asarray(picture.convert("RGB")).astype(int))
+    height = len(shown[0])
+    for colour in (GOAL, PATH_COLOUR):  # in the picture, and in the legend below it
+        near = np.abs(shown[0] - np.round(255.0 * np.array(to_rgb(colour)))).max(axis=2) <= 4
+        assert near[: int(0.8 * height)].any()
+        assert near[int(0.8 * height) :].any()
+    assert (shown[0][: int(0.06 * height)].min(axis=2) < 60).any(), "a title"
     assert (shown[0] != shown[1]).any()
     assert (shown[1] != shown[2]).any()
 

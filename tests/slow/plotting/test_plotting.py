@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path as FilePath
 from types import SimpleNamespace
 from typing import Any
 
+import networkx as nx
 import numpy as np
 import pytest
 import shapely
@@ -172,6 +174,24 @@ def test_the_same_plan_gives_the_same_bytes(tmp_path: FilePath, suffix: str) -> 
     assert b"<dc:date>" not in first
     assert b"CreationDate" not in first
     assert sorted(tmp_path.iterdir()) == files
+
+
+def test_via_points_and_route_graphs_are_drawn_and_named(tmp_path: FilePath) -> None:
+    legs = tuple(result_of(Path(PATH.states[i : i + 2])) for i in range(3))
+    through, graph = replace(result_of(PATH), legs=legs), nx.DiGraph([(0, 1)])
+    nx.set_node_attributes(graph, {0: (2.0, 5.5), 1: (8.0, 5.5)}, "position")
+    for name, plan, route in (("plain", result_of(PATH), None), ("both", through, graph)):
+        for kind in ("png", "svg"):
+            plotting.save_plan_figure(tmp_path / f"{name}.{kind}", ROOM, CAR, plan, None, START, GOAL, route=route)
+    for label in ("via point", "route graph"):
+        named = [f"<!-- {label} -->" in (tmp_path / f"{name}.svg").read_text() for name in ("plain", "both")]
+        assert named == [False, True]
+    ink = {}
+    for name in ("plain", "both"):
+        rgb, counts = colours_of(tmp_path / f"{name}.png")
+        ink[name] = [counts[is_colour(rgb, colour)].sum() for colour in (plotting.PATH, plotting.LANDMARK)]
+    assert ink["both"][0] > ink["plain"][0] + 2 * 40  # two diamonds
+    assert ink["both"][1] > ink["plain"][1] + 300  # 6 m of a line
 
 
 @pytest.mark.parametrize("status", ["timeout", "infeasible"])

@@ -112,6 +112,37 @@ def test_a_path_leads_through_poses_in_their_order(client: Any) -> None:
     assert client.plan(HERE, [], ComputePathThroughPoses).error_code == result.NO_VIAPOINTS_GIVEN
 
 
+def test_poses_with_a_tolerance_are_passed_where_the_whole_path_is_short(client: Any) -> None:
+    goals = [(5.0, 9.0, 2.0), (15.0, 3.0, 0.0)]
+    assert client.set(improvement_time=0.2) == []
+    exact = states(client.plan(HERE, goals, ComputePathThroughPoses).path)
+    assert client.plan(HERE, THERE).error_code == 0  # else the plan that is followed would be kept
+    assert client.set(tolerance=0.5) == []
+    result = client.plan(HERE, goals, ComputePathThroughPoses)
+    assert client.set(tolerance=0.0, improvement_time=0.003) == []
+    path = states(result.path)
+    near = [np.hypot(*(path[:, :2] - goal[:2]).T) for goal in goals]
+    assert np.flatnonzero(near[0] <= 0.5 + 1e-6)[0] < np.flatnonzero(near[1] <= 0.5 + 1e-6)[0]
+    assert near[1][-1] <= 0.5 + 1e-6
+    assert free(result.path)
+    lengths = [np.hypot(*np.diff(each[:, :2], axis=0).T).sum() for each in (path, exact)]
+    assert lengths[0] < lengths[1] - 0.5
+
+
+def test_a_robot_in_a_wall_is_led_out_if_it_may(client: Any) -> None:
+    assert client.set(escape=True) == []
+    results = client.plan(WALL, THERE), client.plan(WALL, [HERE, THERE], ComputePathThroughPoses)
+    assert client.set(escape=False) == []
+    for result in results:
+        assert result.error_code == 0, result.error_msg
+        path = states(result.path)
+        assert np.allclose(path[[0, -1]], [WALL, THERE])
+        hits = [collides(filled(path[i : i + 2], 0.02), room(), CORNERS) for i in range(len(path) - 1)]
+        out = hits.index(False)
+        assert 0 < out < len(hits)
+        assert not any(hits[out:])
+
+
 def test_is_path_valid_says_where_a_path_meets_a_wall(client: Any) -> None:
     def valid(poses: Any) -> Any:
         return client.call(IsPathValid, "is_path_valid", path=Path(poses=[stamped(pose) for pose in poses]))

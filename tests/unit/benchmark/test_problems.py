@@ -42,6 +42,14 @@ def test_a_problem_travels_as_text(ahead: Problem) -> None:
         read_problem("- no\n- world\n")
 
 
+def test_a_clearance_is_part_of_the_problem_and_travels_with_it(ahead: Problem) -> None:
+    wide = next(problems_of(small_world(), Robot.rectangle(0.8, 0.4).keeping(0.15)))
+    assert wide.key != ahead.key
+    there = read_problem(wide.text)
+    assert (there.robot, there.key) == (wide.robot, wide.key)
+    assert there.robot.clearance == 0.15
+
+
 def test_a_grid_map_travels_as_cells() -> None:
     occupied = np.random.default_rng(2).random((12, 20)) < 0.2
     occupied[:2, :2] = occupied[-2:, -2:] = False

@@ -49,11 +49,23 @@ def test_an_obstacle_thinner_than_a_planners_step_is_seen() -> None:
 
 
 @pytest.mark.parametrize("robot", [Robot.disc(0.4), Robot.rectangle(0.8, 0.8)])
-@pytest.mark.parametrize(("room", "right"), [(0.0, True), (-2e-6, False), (2e-6, True)])
-def test_touching_is_allowed(robot: Robot, room: float, right: bool) -> None:
-    # Between a disc above and the bound below: the robot's width and a little more, or less.
-    world = World("slit", (0.0, 0.6, 10.0, 6.0), (Disc((5.0, 2.4 + room), 1.0),))
-    assert (Referee(world, robot).fault([START, GOAL], START, GOAL) is None) == right
+@pytest.mark.parametrize("kept", [0.0, 0.15])
+@pytest.mark.parametrize(("room", "right"), [(0.0, True), (-4e-6, False), (4e-6, True)])
+def test_touching_is_allowed(robot: Robot, kept: float, room: float, right: bool) -> None:
+    # Between an obstacle above and a bound below: the robot's width, the clearance on both sides, and a little.
+    low, wide = (0.0, 0.6 - kept, 10.0, 6.0), (-10.0, -10.0, 20.0, 20.0)
+    edge = 1.4 + kept + room
+    block = Polygon(np.array([[4.0, edge], [6.0, edge], [6.0, 3.0], [4.0, 3.0]]))
+    room_of = Polygon(np.array([[-5.0, 0.6 - kept - room], [15.0, 0.6 - kept - room], [15.0, 9.0], [-5.0, 9.0]]))
+    worlds = (
+        World("disc", low, (Disc((5.0, 2.4 + kept + room), 1.0),)),
+        World("block", low, (block,)),
+        World("bound", (0.0, 0.6 - kept - room, 10.0, 6.0)),
+        World("boundary", wide, boundary=room_of),
+    )
+    for world in worlds:
+        judge = Referee(world, robot.keeping(kept))
+        assert (judge.fault([START, GOAL], START, GOAL) is None) == right, world.name
 
 
 def test_the_boundary_is_not_left() -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from threading import Event
 from typing import Any
 
@@ -69,6 +70,37 @@ def unchanged() -> Client:
 def swept(states: np.ndarray[Any, Any]) -> Any:
     """Return about what the robot's middle covers: its inscribed disc along the path."""
     return shapely.LineString(states[:, :2]).buffer(0.19)
+
+
+@pytest.mark.slow
+def test_a_plan_passes_via_points_in_their_order(unchanged: Client) -> None:
+    via = [[2.0, 7.0], [8.0, 7.0, 1.0]]
+    record = unchanged.ask("plan", start=START, goal=GOAL, time_limit=0.5, via=via)[-1]
+    assert (record["status"], len(record["legs"])) == ("solved", 3)
+    line = shapely.LineString(np.array(record["states"])[:, :2])
+    along = [line.project(shapely.Point(place[:2])) for place in via]
+    assert [line.distance(shapely.Point(place[:2])) for place in via] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert along == sorted(along)
+    assert any(np.allclose(state, via[1]) for state in record["states"])
+    blocked = unchanged.ask("plan", start=START, goal=GOAL, time_limit=0.5, via=[[5.0, 3.0]])[-1]
+    assert blocked["status"] == "infeasible"
+    assert blocked["reason"].startswith("leg 1 of 2, from start to via point 1")
+    for wrong in ([[1.0]], ["a"], [[1.0, 2.0, 3.0, 4.0]], [[1.0, None]]):
+        with pytest.raises(TrailmarkError, match=r"^goals: goal: pose: .*[^\n]$"):
+            unchanged.ask("plan", start=START, goal=GOAL, via=wrong)
+    with pytest.raises(MessageError, match=r"plan\.via: expected at most 100 places"):
+        read_message(json.dumps({"type": "plan", "start": START, "goal": GOAL, "via": [[1, 1]] * 101}))
+
+
+def test_unknown_regions_are_told_and_kept_while_the_world_is_the_same() -> None:
+    hole = np.array([[4.0, 4.0], [5.0, 4.0], [5.0, 5.0], [4.0, 5.0]])
+    region = Polygon(np.array([[3.0, 3.0], [6.0, 3.0], [6.0, 6.0], [3.0, 6.0]]), (hole,))
+    client = Client(replace(WORLD, unknown=(region,)))
+    told = client.ask("hello")[-1]
+    assert told["unknown"] == [{"vertices": region.vertices.tolist(), "holes": [region.holes[0].tolist()]}]
+    again = client.ask("world", world=told["world"])[-1]
+    assert again["unknown"] == told["unknown"]
+    assert client.ask("world", world={**told["world"], "name": "another"})[-1]["unknown"] == []
 
 
 @pytest.mark.slow

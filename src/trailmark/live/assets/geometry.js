@@ -9,9 +9,7 @@ function wrapped(angle) {
   return turned === -Math.PI ? Math.PI : turned;
 }
 
-function rounded(value, digits = 4) {
-  return Number(value.toFixed(digits));
-}
+const rounded = (value, digits = 4) => Number(value.toFixed(digits));
 
 function turnedPoints(points, [cx, cy], angle) {
   const cos = Math.cos(angle), sin = Math.sin(angle);

@@ -79,10 +79,8 @@ async function attempt(act) {
 
 // What the planner is told beside the world, by the names that Python has for it.
 function plannerOptions() {
-  const options = {}, margin = Number($("margin").value);
-  if (margin > 0) options.clearance = margin;
-  if ($("objective").value !== "length") options.objective = $("objective").value;
-  return options;
+  const clearance = Number($("clearance").value), objective = $("objective").value;
+  return {...(clearance > 0 ? {clearance} : {}), ...(objective === "length" ? {} : {objective})};
 }
 
 async function setWorld(world, fit = true, ends = null) {
@@ -95,9 +93,9 @@ function openWorld(fields) {
   return attempt(async () => takeWorld(await ask("open", fields), true));
 }
 
-function takeWorld({world}, fit, ends = null) {
-  scene.take(world);
-  if (ends) [scene.start, scene.goal] = [ends.start, ends.goal];
+function takeWorld({world, unknown}, fit, ends = null) {
+  scene.take(world, unknown);
+  if (ends) [scene.start, scene.goal, scene.via] = [ends.start, ends.goal, ends.via ?? []];
   else if (fit) scene.takeQuery();
   if (fit) view.fit(world.bounds);
   ready = true;
@@ -115,7 +113,7 @@ function takeWorld({world}, fit, ends = null) {
 function restore(before) {
   if (!before) return;
   stopPlaying();
-  [scene.start, scene.goal] = [before.start, before.goal];
+  [scene.start, scene.goal, scene.via] = [before.start, before.goal, before.via];
   if (JSON.stringify(before.world) === JSON.stringify(scene.content())) return changed();
   send("world", {world: before.world, ...plannerOptions()});
   takeWorld(before, false);
@@ -169,7 +167,7 @@ function plan(now) {
   sendEdits();
   if (settled) settle = 0;
   const query = {start: playing ? playing.state : scene.start, goal: scene.goal, time_limit: settled ? SETTLED : patience};
-  const id = send(playing ? "replan" : "plan", query);
+  const id = send(playing ? "replan" : "plan", playing ? query : {...query, via: scene.via});
   inFlight.set(id, {since, settled, dragged: drag !== null && !settled});
 }
 

@@ -28,6 +28,10 @@ canvas.addEventListener("pointerdown", (event) => {
   if (pointers.size === 2) {
     drag = draft = null;
     pinch = pinched();
+  } else if (tool === "move" && event.shiftKey) {
+    scene.note();
+    scene.changeVia(x, y, 10 / view.scale);
+    changed();
   } else if (tool === "polygon") {
     draft ??= {points: []};
     draft.points.push([x, y]);
@@ -83,8 +87,7 @@ function release(event) {
   canvas.classList.remove("busy");
   if (draft?.from) finishDraft();
 }
-canvas.addEventListener("pointerup", release);
-canvas.addEventListener("pointercancel", release);
+for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, release);
 canvas.addEventListener("wheel", (event) => {
   event.preventDefault();
   view.zoom(Math.exp(-event.deltaY * 0.0015), event.offsetX, event.offsetY);
@@ -128,9 +131,7 @@ function setTool(name) {
 
 // ---- the selection: "start", "goal" or an obstacle's id
 
-function offer(id, options) {
-  $(id).replaceChildren(...options.map(([text, value]) => new Option(text, value)));
-}
+const offer = (id, options) => $(id).replaceChildren(...options.map(([text, value]) => new Option(text, value)));
 
 function select(what) {
   selected = what === "start" || scene.obstacles.has(what) ? what : "goal";
@@ -208,9 +209,7 @@ function changeRobot() {
   setWorld({...scene.content(), robot}, false, scene);
 }
 
-function follow(states) {
-  Object.assign(playing, {states, clock: pathClock(states), at: 0, state: states[0]});
-}
+const follow = (states) => Object.assign(playing, {states, clock: pathClock(states), at: 0, state: states[0]});
 
 // Drives on, and returns whether there is a way left.
 function drive(now) {
@@ -304,7 +303,7 @@ $("tools").addEventListener("click", ({target}) => target.dataset.tool && setToo
 $("worlds").addEventListener("change", ({target: {value}}) => value && openWorld({name: value}));
 $("open").addEventListener("change", ({target}) => target.files.length && open(target.files));
 for (const id of ["shape", "radius", "length", "width", "turning"]) $(id).addEventListener("change", changeRobot);
-for (const id of ["margin", "objective"]) $(id).addEventListener("change", () => setWorld(scene.content(), false, scene));
+for (const id of ["clearance", "objective"]) $(id).addEventListener("change", () => setWorld(scene.content(), false, scene));
 $("selected").addEventListener("change", ({target}) => select(target.value));
 ["sx", "sy", "st"].forEach((id, axis) => $(id).addEventListener("change", ({target}) => setPose(axis, Number(target.value))));
 document.addEventListener("dragover", (event) => event.preventDefault());
@@ -316,8 +315,7 @@ document.addEventListener("drop", (event) => {
 document.addEventListener("keydown", (event) => {
   const {key, target, shiftKey} = event;
   if (!scene.world || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName)) return;
-  const step = (shiftKey ? 20 : 2) / view.scale, turn = ((shiftKey ? 15 : 3) * Math.PI) / 180;
-  const {undo, redo} = clicks;
+  const step = (shiftKey ? 20 : 2) / view.scale, turn = ((shiftKey ? 15 : 3) * Math.PI) / 180, {undo, redo} = clicks;
   const actions = event.ctrlKey || event.metaKey ? {z: undo, Z: redo, y: redo} : target.tagName === "BUTTON" ? {} : {
     ArrowLeft: () => nudge(-step, 0, 0), ArrowRight: () => nudge(step, 0, 0), ArrowUp: () => nudge(0, step, 0),
     ArrowDown: () => nudge(0, -step, 0), "[": () => nudge(0, 0, turn), "]": () => nudge(0, 0, -turn),

@@ -8,12 +8,15 @@ class Scene {
   areas = new Map();  // what each of them covers
   start = [0, 0, 0];
   goal = [0, 0, 0];
+  via = [];  // places to pass in this order
+  unknown = [];  // what the regions cover of which the map says nothing
   path = null;
   before = [];
   after = [];
 
-  take(world) {
+  take(world, unknown) {
     this.world = world;
+    if (unknown) this.unknown = unknown.map((region) => areaOf(region));
     this.path = null;
     this.obstacles.clear();
     this.areas.clear();
@@ -30,27 +33,24 @@ class Scene {
     this.areas.delete(id);
   }
 
-  get robot() {
-    return this.world.robot;
-  }
+  get robot() { return this.world.robot; }
 
   // Start and goal of the world's first query, or two corners.
   takeQuery() {
     const query = this.world.queries?.[0], [xmin, ymin, xmax, ymax] = this.world.bounds;
     const inset = Math.min(1.2 * reachOf(this.robot), (xmax - xmin) / 2, (ymax - ymin) / 2);
     const pose = Array.isArray(query?.goal) ? query.goal : query?.goal?.pose;
+    this.via = [];
     this.start = query?.start ?? [xmin + inset, ymin + inset, 0];
     this.goal = Array.isArray(pose) && typeof pose[0] === "number"
       ? [pose[0], pose[1], pose[2] ?? 0] : [xmax - inset, ymax - inset, 0];
   }
 
-  content() {
-    return {...this.world, obstacles: [...this.obstacles.values()]};
-  }
+  content() { return {...this.world, obstacles: [...this.obstacles.values()]}; }
 
   // What undo brings back, and what an address that is shared holds: all of it, as a text.
   snapshot() {
-    return JSON.stringify({world: this.content(), start: this.start, goal: this.goal});
+    return JSON.stringify({world: this.content(), start: this.start, goal: this.goal, via: this.via});
   }
 
   // To be called before something changes.
@@ -75,6 +75,12 @@ class Scene {
     let n = this.obstacles.size;
     while (this.obstacles.has(`o${n}`)) n++;
     return `o${n}`;
+  }
+
+  // Adds a via point, or takes away the one within reach.
+  changeVia(x, y, reach) {
+    const near = this.via.findIndex(([vx, vy]) => Math.hypot(x - vx, y - vy) <= reach);
+    this.via = near < 0 ? [...this.via, [x, y]] : this.via.filter((_, i) => i !== near);
   }
 
   // What lies under a point, handles within reach: an end's turning handle, an end, or the topmost obstacle.

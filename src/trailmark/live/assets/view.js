@@ -39,9 +39,7 @@ class View {
     this.centre = [this.centre[0] + x - nx, this.centre[1] + y - ny];
   }
 
-  pan(dx, dy) {
-    this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
-  }
+  pan(dx, dy) { this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale]; }
 
   // From here on the brush draws in metres, y up.
   clear() {
@@ -91,7 +89,9 @@ function draw() {
   if (!scene.world) return;
   drawWorld(scene.world);
   for (const area of scene.areas.values()) view.fill(area, colours.obstacle);
+  for (const area of scene.unknown) view.fill(area, colours.shade, 0.35);
   if (scene.path) drawPath(scene.path);
+  for (const center of scene.via) view.fill(areaOf({shape: "disc", center, radius: 6 / view.scale}), colours.way);
   for (const end of ["start", "goal"]) drawEnd(end);
   if (scene.obstacles.has(selected)) view.stroke(scene.areas.get(selected), colours.goal, 3);
   if (draft) view.stroke(draftShape() ? areaOf(draftShape()) : lineOf(draft.points), colours.goal);
