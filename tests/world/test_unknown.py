@@ -35,6 +35,15 @@ def test_unknown_cells_are_what_they_are_said_to_be(file: Path, unknown: str | N
     assert areas == ([] if unknown is None else pytest.approx([2.0 * 2.5]))
 
 
+def test_in_mode_scale_what_is_not_opaque_is_unknown_whatever_its_grey(file: Path) -> None:
+    pixels = np.array([[[FREE, 255], [OCCUPIED, 255], [FREE, 128], [OCCUPIED, 128], [100, 0]]], np.uint8)
+    Image.fromarray(pixels).save(file.parent / "map.png")
+    file.write_text(MAP + "mode: scale\n")
+    world = World.load(file, unknown="free")
+    assert [region.bounding_box() for region in world.unknown] == [pytest.approx((0.2, 0.0, 0.5, 0.1))]
+    assert [shape.bounding_box() for shape in world.obstacles] == [pytest.approx((0.1, 0.0, 0.2, 0.1))]
+
+
 def test_a_metre_in_unknown_cells_costs_more(file: Path) -> None:
     free, priced = (World.load(file, unknown=unknown) for unknown in ("free", 4.0))
     assert [zone.factor for zone in priced.zones if isinstance(zone, CostZone)] == [4.0]
