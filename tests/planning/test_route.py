@@ -85,3 +85,29 @@ def test_a_car_and_an_empty_graph_are_refused_in_one_line() -> None:
         car.plan_on_route(graph, (2.0, 5.0, 0.0), (3.0, 2.0, 0.0))
     with pytest.raises(ConfigurationError, match="expected one edge or more, got none"):
         LandmarkPlanner(WALL, Robot.disc(0.3)).plan_on_route(nx.DiGraph(), (2.0, 5.0, 0.0), (3.0, 2.0, 0.0))
+
+
+def test_what_is_no_route_graph_is_refused_in_one_line() -> None:
+    planner, ends = LandmarkPlanner(WALL, Robot.disc(0.3)), ((2.0, 5.0, 0.0), (3.0, 2.0, 0.0))
+    lone = nx.DiGraph([(1, 2)])
+    nowhere = graph_of({1: (3.0, 5.0), 2: (3.0, 2.0)}, [(1, 2)])
+    nowhere.nodes[2]["position"] = (3.0, float("nan"))
+    for given, fault in (
+        (None, "expected DiGraph, got None"),
+        ("graph.geojson", "expected DiGraph, got 'graph.geojson'"),
+        (nx.Graph([(1, 2)]), "expected DiGraph, got"),
+        (lone, "node 1: position: expected"),
+        (nowhere, "node 2: position: expected"),
+    ):
+        with pytest.raises(ConfigurationError, match=f"^route graph: {fault}") as caught:
+            planner.plan_on_route(given, *ends)  # type: ignore[arg-type]
+        assert "\n" not in str(caught.value)
+
+
+def test_a_graph_made_by_hand_needs_positions_alone() -> None:
+    graph = nx.MultiDiGraph()
+    graph.add_node("a", position=[3, 5])
+    graph.add_node("b", position=(3.0, 2.0))
+    graph.add_edges_from([("a", "a"), ("a", "b")])
+    result = LandmarkPlanner(WALL, Robot.disc(0.3), seed=0).plan_on_route(graph, (2.0, 5.0, 0.0), (3.0, 1.5, 0.0))
+    assert (result.status, result.nodes) == ("solved", ("a", "b"))

@@ -7,10 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
-from trailmark import ConfigurationError, Goal, LandmarkPlanner, Rectangle, Robot, World, check_path
+from trailmark import (
+    ConfigurationError,
+    Goal,
+    KeepOutZone,
+    LandmarkPlanner,
+    Polygon,
+    Rectangle,
+    Robot,
+    World,
+    check_path,
+)
 from trailmark.curves import Steering
 from trailmark.planning.result import PlanResult
+from trailmark.se2 import transform
 
 ROBOTS = {
     "disc": Robot.disc(0.2),
@@ -123,3 +135,27 @@ def test_either_of_two_opposite_headings_will_do() -> None:
     assert result.path.length == pytest.approx(5.0)
     with pytest.raises(ConfigurationError, match="expected a pose x, y, theta with a heading"):
         Goal.bidirectional((10.0, 3.0))
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "car")) for name in ROBOTS])
+def test_a_start_in_a_keep_out_zone_leaves_it_on_the_first_leg(name: str) -> None:
+    zone = shapely.box(7.0, 7.0, 8.0, 8.0)
+    world = World.from_geometries(shapely.box(4.0, 3.0, 6.0, 7.0), (0.0, 0.0, 10.0, 10.0), zones=[KeepOutZone(zone)])
+    robot, start, places = ROBOTS[name], (7.5, 7.5, 0.3), [(2.0, 2.0), (9.0, 9.0, 1.0)]
+    planner = LandmarkPlanner(world, robot, seed=0)
+    result = planner.plan_through(start, places, 3.0)
+    assert (result.status, [leg.status for leg in result.legs]) == ("solved", ["solved"] * 2)
+    assert result.path is not None
+    assert check_path(world, robot, result.path).free
+    passed(result, places)
+    states = result.path.states
+    outlines = [Polygon(transform(q, robot.outline.vertices)).shapely() for q in states]
+    within = [shapely.intersection(outline, zone).area > 1e-6 for outline in outlines]
+    assert within == [i < result.escape for i in range(len(states))]
+    assert result.escape > 0
+    single = planner.plan(start, places[1], 3.0)
+    assert single.escape > 0
+    alone = planner.plan_through(start, places[1:], 3.0)
+    assert alone.cost is not None
+    assert single.cost is not None
+    assert alone.cost <= 1.5 * single.cost

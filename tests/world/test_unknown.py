@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 
 from trailmark import CostZone, FormatError, KeepOutZone, LandmarkPlanner, Robot, StateChecker, TrailmarkError, World
@@ -123,3 +124,16 @@ def test_geometries_come_with_zones() -> None:
     zone = KeepOutZone([(1, 1), (2, 1), (2, 2)])  # type: ignore[arg-type]
     world = World.from_geometries([shapely.box(4, 4, 5, 5)], (0, 0, 9, 9), zones=[zone])
     assert (len(world.obstacles), world.zones) == (1, (zone,))
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"zones": None}, "zones: expected a sequence, got None"),
+        ({"zones": KeepOutZone(shapely.box(1, 1, 2, 2))}, "zones: expected a sequence, got KeepOutZone"),
+        ({"bounds": 5}, "bounds: expected four numbers"),
+    ],
+)
+def test_other_zones_and_bounds_than_a_sequence_are_refused_in_one_line(options: dict[str, object], fault: str) -> None:
+    with pytest.raises(TrailmarkError, match=f"^{fault}"):
+        World.from_geometries(shapely.box(4, 4, 5, 5), **options)  # type: ignore[arg-type]

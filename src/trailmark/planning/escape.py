@@ -342,8 +342,8 @@ def plan_out_of_zones(
     plan: Callable[..., PlanResult],
     on_progress: OnProgress | None = None,
     rest: Callable[[FloatArray, Budget], PlanResult] | None = None,
-) -> tuple[PlanResult, int]:
-    """Return the answer to a query that starts in keep-out zones, and how many motions of its path lead out of them.
+) -> PlanResult:
+    """Return the answer to a query that starts in keep-out zones.
 
     Lower bounds, and proofs that there is no path, are those of the world without these zones, in which a path that is
     allowed is one too. Whoever calls holds the lock of the model's roadmap.
@@ -395,23 +395,23 @@ def plan_out_of_zones(
     if path is None or last is None:
         nothing = replace(proven, path=None, first_cost=None, min_clearance=None, history=(), goal=None)
         if proven.status == "infeasible":
-            return nothing, 0
+            return nothing
         named = ", ".join(zones)
         reason = f"no certified way out of {named} was found"
         if ways:
             reason = f"no path was found from where the certified ways out of {named} end"
-        return replace(nothing, status="timeout", reason=reason), 0
+        return replace(nothing, status="timeout", reason=reason)
     answer = without.verification.result(incumbent, "solved", path, model.shared.roadmap, last.time["build"] or 0.0)
     # In a zone there is no clearance.
-    answer = replace(
+    return replace(
         answer,
         path=model.verification.followed_by_lines(answer.path or path, leaves=True),
         goal=last.goal,
         lower_bound=incumbent.lower_bound if rest is not None else proven.lower_bound,
         world=model.checker.world,
         min_clearance=0.0,
+        escape=len(path_of(model.motion, out)) - 1,
     )
-    return answer, len(path_of(model.motion, out)) - 1
 
 
 def without_paths(on_progress: OnProgress) -> OnProgress:
