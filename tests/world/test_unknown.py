@@ -87,6 +87,9 @@ def test_a_mask_is_graded_below_its_threshold(file: Path) -> None:
 SQUARE = "POLYGON ((1 1, 2 1, 2 2, 1 2, 1 1))"
 GEOMETRY = '{"type": "Polygon", "coordinates": [[[1, 1], [2, 1], [2, 2], [1, 2], [1, 1]]]}'
 FEATURE = f'{{"type": "Feature", "properties": {{}}, "geometry": {GEOMETRY}}}'
+NOWHERE = '{"type": "Feature", "properties": {}, "geometry": null}'
+CROSSED = "POLYGON ((0 0, 2 2, 2 0, 0 2, 0 0))"
+CURVED = "CURVEPOLYGON (CIRCULARSTRING (0 0, 4 0, 4 4, 0 4, 0 0))"
 
 
 @pytest.mark.parametrize(
@@ -96,6 +99,7 @@ FEATURE = f'{{"type": "Feature", "properties": {{}}, "geometry": {GEOMETRY}}}'
         (f"{SQUARE}\n\nMULTIPOLYGON (((3 1, 4 1, 4 2, 3 1)), ((5 1, 6 1, 6 2, 5 1)))\n", [1.0, 0.5, 0.5]),
         (FEATURE, [1.0]),
         (f'{{"type": "FeatureCollection", "features": [{FEATURE}, {FEATURE}]}}', [1.0, 1.0]),
+        (f'{{"type": "FeatureCollection", "features": [{FEATURE}, {NOWHERE}]}}', [1.0]),
     ],
 )
 def test_polygons_of_files_become_keep_out_zones(tmp_path: Path, text: str, areas: list[float]) -> None:
@@ -109,7 +113,11 @@ def test_polygons_of_files_become_keep_out_zones(tmp_path: Path, text: str, area
 
 
 @pytest.mark.parametrize(
-    "text", ["", "POLYGON((1 1", "kitchen", '{"type": "Point", "coordinates": [1, 2]}', "{", "[" * 9999]
+    "text",
+    [
+        *["", "POLYGON((1 1", "kitchen", '{"type": "Point", "coordinates": [1, 2]}', "{", "[" * 9999, CURVED],
+        f"{SQUARE}\n{CROSSED}",  # whose halves make up no area, but a zone was meant
+    ],
 )
 def test_a_file_without_polygons_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "zones.wkt").write_text(text)
