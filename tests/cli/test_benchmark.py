@@ -24,8 +24,6 @@ import shapely
 from shapely.affinity import affine_transform, rotate
 from tests.helpers.made_results import random_results
 
-from trailmark.benchmark.store import Store
-
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]

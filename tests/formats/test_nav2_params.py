@@ -59,6 +59,18 @@ def test_a_car_of_smacs_hybrid_planner(tmp_path: Path, more: str, radius: float,
     assert found.unknown == "blocked"
 
 
+def test_what_its_smoother_is_told_is_not_the_planners(tmp_path: Path) -> None:
+    inner = "smoother: {tolerance: 1.0e-10, allow_unknown: false}"
+    file = tmp_path / "nav2_params.yaml"
+    for outer, tolerance, unknown in (("", 0.0, None), (", tolerance: 0.25, allow_unknown: true", 0.25, "free")):
+        planner = f'{{{inner}, plugin: "{HYBRID}"{outer}}}'
+        for plugins in ("planner_plugins: [GridBased], ", ""):
+            server = f"planner_server: {{ros__parameters: {{{plugins}GridBased: {planner}}}}}"
+            file.write_text(f"global_costmap: {{robot_radius: 0.2}}\n{server}\n")
+            found = Nav2Parameters.load(file)
+            assert (found.tolerance, found.unknown, found.robot.drive) == (tolerance, unknown, "car")
+
+
 @pytest.mark.parametrize(
     ("options", "fault"),
     [

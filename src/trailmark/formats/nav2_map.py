@@ -297,11 +297,11 @@ def _occupancy(image: Image, file: MapFile, graded: bool = True) -> NDArray[np.i
     if file.mode == "raw":
         return np.where(p <= 1.0, np.rint(100.0 * p), -1).astype(np.int8)
     between, unknown = np.full(p.shape, -1.0), np.zeros(p.shape, np.bool_)
-    if file.mode == "scale" and graded:
+    if file.mode == "scale":
+        unknown = (values[..., -1] != full) & has_alpha
         # Where both thresholds are the same, nothing lies between them but that value itself.
         room = file.occupied_thresh - file.free_thresh
-        between = np.rint(100.0 * (p - file.free_thresh) / (room if room > 0.0 else 1.0))
-        unknown = (values[..., -1] != full) & has_alpha
+        between = np.rint(100.0 * (p - file.free_thresh) / (room if room > 0.0 else 1.0)) if graded else between
     found = np.select([unknown, p > file.occupied_thresh, p < file.free_thresh], [-1.0, 100.0, 0.0], between)
     return found.astype(np.int8)
 

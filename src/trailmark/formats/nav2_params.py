@@ -19,6 +19,9 @@ CAR_MODELS = {"DUBIN": False, "REEDS_SHEPP": True}
 """Of Smac's hybrid planner: whether the car reverses. The first is nav2's default, as is the radius."""
 RADIUS = 0.4
 
+PLANNER = "GridBased"
+"""nav2's name of the first planner where none is given."""
+
 DRIVES = {"diff": "differential", "omni": "omnidirectional"}
 """How the names of amcl's and of the controllers' motion models begin, and the drives that they are."""
 
@@ -41,9 +44,9 @@ def read_nav2_params(path: Path) -> dict[str, Any]:
     values = dict(_flat(parse_yaml(read_text(path), path), ""))
     taken = list[str]()
 
-    def find(*ends: str, within: str = "") -> tuple[str, Any]:
+    def find(*ends: str) -> tuple[str, Any]:
         """Return the place and value of the first parameter whose place ends so, the global costmap's before others."""
-        places = [place for place in values if within in f".{place}" and f".{place}".endswith(ends)]
+        places = [place for place in values if f".{place}".endswith(ends)]
         place = min(places, key=lambda place: "global_costmap" not in place, default="")
         if place:
             taken.append(f"{place} {brief(values[place])}")
@@ -58,12 +61,12 @@ def read_nav2_params(path: Path) -> dict[str, Any]:
     place, padding = find(".footprint_padding")
     padding = length(place, padding, "0 or more", 0.0) if place else 0.0
     _, plugins = find(".planner_plugins")
-    planner = f".{plugins[0]}." if isinstance(plugins, list) and plugins else ".planner_server."
-    _, plugin = find(".plugin", within=planner)
+    planner = f".{plugins[0] if isinstance(plugins, list) and plugins else PLANNER}."
+    _, plugin = find(f"{planner}plugin")
     if "Hybrid" in str(plugin):
-        place, radius = find(".minimum_turning_radius", within=planner)
+        place, radius = find(f"{planner}minimum_turning_radius")
         robot["turning_radius"] = length(place, radius, "a number above 0", 1e-6) if place else RADIUS
-        place, model = find(".motion_model_for_search", within=planner)
+        place, model = find(f"{planner}motion_model_for_search")
         name = str(model).upper() if place else "DUBIN"
         if name not in CAR_MODELS:
             raise FormatError(path, f"{place}: {expected_name(name, CAR_MODELS)}")
@@ -72,10 +75,10 @@ def read_nav2_params(path: Path) -> dict[str, Any]:
         _, model = find(".robot_model_type", ".motion_model")
         begin = str(model).rpartition("::")[2].lower()[:4]
         robot |= {"drive": DRIVES[begin]} if begin in DRIVES else {}
-    place, unknown = find(".allow_unknown", within=planner)
+    place, unknown = find(f"{planner}allow_unknown")
     if place and not isinstance(unknown, bool):
         raise FormatError(path, f"{place}: expected true or false, got {brief(unknown)}")
-    place, tolerance = find(".tolerance", within=planner)
+    place, tolerance = find(f"{planner}tolerance")
     tolerance = length(place, tolerance, "0 or more", 0.0) if place else None
     return {"robot": robot, "padding": padding, "allow_unknown": unknown, "tolerance": tolerance, "taken": taken}
 

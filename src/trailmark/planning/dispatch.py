@@ -64,14 +64,14 @@ def plan_any(
         return result
     if goals is None:
         end = model.checker.require_valid(goal, "goal")  # type: ignore[arg-type]  # an array then
-        return plan_out_of_zones(model, zones, start, end, budget, plan, on_progress)[0]
+        return plan_out_of_zones(model, zones, start, end, budget, plan, on_progress)
     # Without the zones, those in them would be the nearest.
     poses = [each.configuration for each in goals]
     outside = [i for i, pose in enumerate(poses) if pose is None or model.checker.valid(pose)]
     if not outside:
         model.checker.require_valid(poses[0] or (), "goal 0")
     left = tuple(goals[i] for i in outside)
-    result = plan_out_of_zones(model, zones, start, left, budget, plan, on_progress)[0]
+    result = plan_out_of_zones(model, zones, start, left, budget, plan, on_progress)
     if result.goal is None:
         return result
     return replace(result, goal=replace(result.goal, index=outside[result.goal.index]))
@@ -290,10 +290,10 @@ def _replan_in(model: WorldModel, ends: FloatArray, path: Path, options: ReplanO
             return Replanner(model, q, goal, replace(options, deadline=budget.begin + budget.limit)).answer(path)
 
         budget = Budget(max(options.seconds_left(), MIN_SECONDS))
-        out_of, escape = plan_out_of_zones(model, zones, start, goal, budget, plan_single, rest=resume)
+        out_of = plan_out_of_zones(model, zones, start, goal, budget, plan_single, rest=resume)
         names = " and ".join(zones)
         reason = f"no path out of {names} was found" if out_of.path is None else f"the path leaves {names} first"
-        return replace(as_replan(out_of, ""), reason=reason, escape=escape)
+        return replace(as_replan(out_of, ""), reason=reason)
     end, name = (ends[0], "robot") if free[1] else (goal, "goal")
     problem = f"the {name} {model.checker.fault(end)}"
     if not free[1] or not options.escape:

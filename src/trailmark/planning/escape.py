@@ -4,10 +4,11 @@ Out of keep-out zones it is never deeper in any of them, so that each is closed 
 out of obstacles it is never deeper in any connected part of what blocks it. The penetration depth is the length of the
 shortest translation to a place where the robot is free (Dobkin, Hershberger, Kirkpatrick & Suri, "Computing the
 intersection-depth of polyhedra", Algorithmica 9, 1993). Along that very translation it falls by a metre for each metre:
-no place along it has a nearer way out, by the triangle inequality. A car or a differential drive does not move
-sideways: arcs, or straight drives and turns in place, along which the depth never rises, are sought one after the
-other until they lead out, the shortest first (A*). So are motions out of several keep-out zones. What leads out of
-zones is not sampled: an audit (:mod:`trailmark.verify`) certifies that none is entered deeper, or again, and the
+no place along it has a nearer way out, by the triangle inequality. Of several parts, though, one may get deeper while
+another is left. Then, and for a car or a differential drive, which do not move sideways, arcs, or straight drives and
+turns in place, along which no depth rises, are sought one after the other until they lead out, the shortest first (A*);
+who moves sideways takes that translation if there are none. So are motions out of several keep-out zones. What leads
+out of zones is not sampled: an audit (:mod:`trailmark.verify`) certifies that none is entered deeper, or again, and the
 motions are certified against all else. From where the robot is out, the query is planned as any other.
 """
 
@@ -16,13 +17,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
+from itertools import pairwise
 from math import pi
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -84,15 +86,24 @@ def way_out(checker: StateChecker, q: FloatArray, seconds: float = 0.0) -> Float
     Args:
         checker: of the world and the robot.
         q: configuration, shape (3,).
-        seconds: to look for motions of a car or a differential drive; SECONDS at least.
+        seconds: to look for several motions, or those of a car or a differential drive; SECONDS at least.
     """
-    if _moves_sideways(checker):
-        return _shift_out(checker, q, checker)
     robot, end = checker.robot, perf_counter() + max(seconds, SECONDS)
+    straight = _shift_out(checker, q, checker) if _moves_sideways(checker) else None
     longest = max(LONGEST_DRIVE * robot.circumradius, LONGEST_ARC * (robot.turning_radius or 0.0))
-    depths = [Penetration(robot.footprint, part, robot.clearance) for part in _blocked_near(checker, q, 2.0 * longest)]
+    reach = 2.0 * max(longest, 0.0 if straight is None else float(np.hypot(*(straight[1] - q)[:2])))
+    parts = _blocked_near(checker, q, reach)
+    depths = [Penetration(robot.footprint, part, robot.clearance) for part in parts]
+
+    def certified(rows: FloatArray) -> bool:
+        count = 1 + int(np.hypot(*np.diff(rows[:, :2], axis=0).T).sum() / (FINE * robot.circumradius))
+        states = np.vstack([a + np.linspace(0.0, 1.0, count + 1)[:, None] * (b - a) for a, b in pairwise(rows)])
+        return not any(_rises(depth.at(states)[None]).any() for depth in depths)
+
     search = _Search(checker, depths, longest, lambda: end - perf_counter())
-    return next(search.ways(q), None)
+    if _moves_sideways(checker):
+        search = replace(search, regions=parts, certified=certified)
+    return next(search.ways(q, straight), straight)
 
 
 def ways_out_of_zones(
@@ -192,7 +203,7 @@ class _Search:
         # A few at first: most motions lead deeper soon.
         while (looked := found.shape[1] - 1) < last:
             found = np.hstack([found, self.depth(states[looked : min(last, 2 * looked + FEW)])])
-            rises = (found[:, 1:] > np.minimum.accumulate(found, axis=1)[:, :-1] + DEEPER).any(axis=0)
+            rises = _rises(found)
             last = min(last, _first(rises) if rises.any() else last)
             # Once it is out, the rest of the motion is no matter.
             if not found[:, -1].any() and self.checker.valid(states[found.shape[1] - 2]):
@@ -208,6 +219,12 @@ class _Search:
         for k in stops:
             if k < last:
                 yield k, float(found[:, k + 1].max()), bool(free[k])
+
+
+def _rises(depths: FloatArray) -> NDArray[np.bool_]:
+    """Return where any of some depths (m, n) is more than before, shape (n - 1,)."""
+    rises: NDArray[np.bool_] = (depths[:, 1:] > np.minimum.accumulate(depths, axis=1)[:, :-1] + DEEPER).any(axis=0)
+    return rises
 
 
 def _first(flags: ArrayLike) -> int:
@@ -240,9 +257,11 @@ def _motions(
             yield _wrapped(np.array([drive(q[0], q[1], q[2], side, way * s, turning) for s in arcs])), arcs
     angles = q[2] + np.array([0.0, pi][: len(ways)])
     if sideways:
-        edges = [np.diff(r[np.r_[: len(r), 0]], axis=0) for region in regions or () for r in region.rings()]
-        along = np.arctan2(*np.concatenate(edges).T[::-1])
-        angles = np.concatenate([along[:EDGES], np.arange(4) * 0.25 * pi])
+        edges = [np.stack([r, np.roll(r, -1, axis=0)], axis=1) for region in regions or () for r in region.rings()]
+        every = np.concatenate(edges)
+        near = np.argsort(shapely.distance(shapely.linestrings(every), shapely.Point(q[:2])))[:EDGES]
+        along = np.arctan2(*(every[near, 1] - every[near, 0]).T[::-1])
+        angles = np.concatenate([along, np.arange(4) * 0.125 * pi])
         angles = np.unique(np.round(se2.wrap(angles[:, None] + 0.5 * pi * np.arange(4)), 9))
     for angle in angles:
         yield q + lengths[:, None] * np.array([np.cos(angle), np.sin(angle), 0.0]), lengths
@@ -342,8 +361,8 @@ def plan_out_of_zones(
     plan: Callable[..., PlanResult],
     on_progress: OnProgress | None = None,
     rest: Callable[[FloatArray, Budget], PlanResult] | None = None,
-) -> tuple[PlanResult, int]:
-    """Return the answer to a query that starts in keep-out zones, and how many motions of its path lead out of them.
+) -> PlanResult:
+    """Return the answer to a query that starts in keep-out zones.
 
     Lower bounds, and proofs that there is no path, are those of the world without these zones, in which a path that is
     allowed is one too. Whoever calls holds the lock of the model's roadmap.
@@ -395,23 +414,23 @@ def plan_out_of_zones(
     if path is None or last is None:
         nothing = replace(proven, path=None, first_cost=None, min_clearance=None, history=(), goal=None)
         if proven.status == "infeasible":
-            return nothing, 0
+            return nothing
         named = ", ".join(zones)
         reason = f"no certified way out of {named} was found"
         if ways:
             reason = f"no path was found from where the certified ways out of {named} end"
-        return replace(nothing, status="timeout", reason=reason), 0
+        return replace(nothing, status="timeout", reason=reason)
     answer = without.verification.result(incumbent, "solved", path, model.shared.roadmap, last.time["build"] or 0.0)
     # In a zone there is no clearance.
-    answer = replace(
+    return replace(
         answer,
         path=model.verification.followed_by_lines(answer.path or path, leaves=True),
         goal=last.goal,
         lower_bound=incumbent.lower_bound if rest is not None else proven.lower_bound,
         world=model.checker.world,
         min_clearance=0.0,
+        escape=len(path_of(model.motion, out)) - 1,
     )
-    return answer, len(path_of(model.motion, out)) - 1
 
 
 def without_paths(on_progress: OnProgress) -> OnProgress:

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.arguments import brief, checked, one_of, shaped
 from trailmark.errors import ConfigurationError
 from trailmark.planning.incumbent import Budget, Incumbent, vertices_of
 from trailmark.planning.model import WorldModel
@@ -58,16 +59,23 @@ def plan_on_route(
     """Return the cheapest path over a route graph (:func:`trailmark.read_route_graph`); the caller holds the lock.
 
     Raises:
-        ConfigurationError: start or goal is not valid, the graph has no edge, or the robot is a car, which cannot turn
-            at a node.
+        ConfigurationError: start or goal is not valid, it is no such graph or has no edge, or the robot is a car, which
+            cannot turn at a node.
     """
+    import networkx as nx
+
+    one_of(graph, nx.DiGraph, "route graph:", hint=" (trailmark.roadmap.read_route_graph reads one)")
     robot, motion, ends = model.checker.robot, model.motion, model.valid_pair(start, goal)
     if robot.turning_radius is not None:
         raise ConfigurationError(f"route graph: expected a robot that turns in place, got {robot.describe()}")
-    edges = [(a, b, each.get("id", i)) for i, (a, b, each) in enumerate(graph.edges(data=True)) if each["length"] > 0.0]
+    xy, name = Annotated[ArrayLike, shaped(2)], "route graph: node {}: position"
+    nodes = graph.nodes(data="position")
+    at = {node: checked(q, xy, name.format(brief(node)), ConfigurationError) for node, q in nodes}
+    every = enumerate(graph.edges(data=True))
+    edges = [(a, b, each.get("id", i)) for i, (a, b, each) in every if (at[a] != at[b]).any()]
     if not edges:
         raise ConfigurationError("route graph: expected one edge or more, got none")
-    places = np.array([[graph.nodes[node]["position"] for node in edge[:2]] for edge in edges])
+    places = np.array([[at[node] for node in edge[:2]] for edge in edges])
     way = places[:, 1] - places[:, 0]
     heading = np.repeat(np.arctan2(way[:, 1], way[:, 0])[:, None], 2, axis=1)
     tails, heads = np.moveaxis(np.dstack([places, heading]), 1, 0)

@@ -131,6 +131,9 @@ class _Through:
         on_progress: OnProgress | None,
     ) -> None:
         self.model, self.motion, self.start, self.stops, self.budget = model, model.motion, start, stops, budget
+        # Keep-out zones that the start is in: the first leg leads out of them, and the others keep out of all.
+        zones = zones_at(model.checker, start)
+        self._leaves, self._verification = len(zones) > 0, (model.without(zones) if zones else model).verification
         self._plan, self._on_progress = plan, on_progress
         self._told = None if on_progress is None else without_paths(on_progress)
         self.choices = [self._configurations(i) for i in range(len(stops.places))]
@@ -200,7 +203,8 @@ class _Through:
             goals = [*([] if end is None else [(end, 1.0 if one else LEG_SHARE)]), *([] if one else [(place, 1.0)])]
             for goal, share in goals:
                 seconds = share * self.budget.seconds_left() / (len(self._chain) - i)
-                budget = self.budget.part(seconds, np.inf)
+                # What leads out of zones is not improved later.
+                budget = self.budget.part(seconds, self.budget.gap if self._leaves and i == 0 else np.inf)
                 self.failed = self._plan(self.model, here, goal, budget, on_progress=self._told)
                 if self.failed.path is not None:
                     break
@@ -221,7 +225,12 @@ class _Through:
 
     def choose(self, i: int) -> None:
         """Pass a place in the configuration with which both of its legs cost least, of those there is time to try."""
-        if self.stops.configuration(i) is not None or self.good_enough or self.budget.is_up():
+        if (
+            self.stops.configuration(i) is not None
+            or self.good_enough
+            or self.budget.is_up()
+            or (i == 0 and self._leaves)
+        ):
             return
         before, after = (vertices_of(self.motion, leg.path) for leg in self.legs[i : i + 2])
         beside = np.vstack([before[-2:], after[:2]])
@@ -254,8 +263,7 @@ class _Through:
 
     def improve(self) -> None:
         """Improve the legs, each for its share of the time, until the whole is proven to be good enough."""
-        leaves = 1 if zones_at(self.model.checker, self.start) else 0  # the first leads out of keep-out zones
-        for i in range(leaves, len(self.legs)):
+        for i in range(int(self._leaves), len(self.legs)):
             if self.good_enough or self.budget.is_up():
                 return
             old, seconds = self.legs[i], self.budget.seconds_left() / (len(self.legs) - i)
@@ -333,12 +341,11 @@ class _Through:
         if radius > 0.0 and self.budget.gap < np.inf:
             disc = LowerBound(checker.world, Robot.disc(radius + checker.robot.clearance), checker.grid)
         begins: tuple[Goal, ...] = (Goal(self.start),)  # type: ignore[arg-type]  # arrays, too
-        leaves = bool(zones_at(checker, self.start))  # keep-out zones, which block no way from there
         for i, place in enumerate(self.stops.places):
             pairs = [(a.disc, b.disc) for a in begins for b in place]
             least = [bound.between(p, q, near + far) for (p, near), (q, far) in pairs]
             seconds = PROOF_SHARE * self.budget.seconds_left() / len(self.stops.places)
-            exact = len(pairs) == 1 and pairs[0][0][1] + pairs[0][1][1] == 0.0 and not (leaves and i == 0)
+            exact = len(pairs) == 1 and pairs[0][0][1] + pairs[0][1][1] == 0.0 and not (self._leaves and i == 0)
             if disc is not None and exact and seconds > 0.0 and not disc.takes_long:
                 ends = [np.array([*position, 0.0]) for position, _ in pairs[0]]
                 around = in_time(seconds, lambda stop, ends=ends: disc.of(*ends, stop=stop).cost)  # type: ignore[misc]
@@ -350,9 +357,9 @@ class _Through:
     def result(self) -> PlanResult:
         """Return the whole path, checked once more in the form in which it is returned."""
         ends, bound = np.array([self.start, self.path.states[-1]]), self.bound()
-        if not self.model.verification.certified(self.path, ends):
+        if not self._verification.certified(self.path, ends):
             return self._made("timeout", None, "the joined path did not pass the final check")
-        path = self.model.verification.followed_by_lines(self.path)
+        path = self.model.verification.followed_by_lines(self.path, leaves=self._leaves)
         made, last = self._made("solved", path, ""), self.legs[-1].result
         return replace(
             made,
@@ -379,8 +386,10 @@ class _Through:
         incumbent.history, incumbent.first_cost = self._history, self._history[0][1] if self._history else None
         legs = tuple(leg.result for leg in self.legs)
         build = sum(leg.time["build"] or 0.0 for leg in legs)
-        made = self.model.verification.result(incumbent, status, path, self.model.shared.roadmap, build)
-        return replace(made, legs=legs, target=self.stops, reason=reason)
+        made = self._verification.result(incumbent, status, path, self.model.shared.roadmap, build)
+        if path is not None and self._leaves:
+            made = replace(made, path=path, min_clearance=0.0, escape=legs[0].escape)
+        return replace(made, legs=legs, target=self.stops, reason=reason, world=self.model.checker.world)
 
 
 def _joined(paths: list[Path], motion: Motion) -> Path:

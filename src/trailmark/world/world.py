@@ -239,7 +239,7 @@ class World(Shown):
                 raise WorldError("from_geometries: expected bounds or a geometry that is not empty, got neither")
             boxes = np.array([shape.bounding_box() for shape in shapes])
             bounds = (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0))
-        return cls(name, tuple(bounds), shapes, zones=tuple(zones))  # type: ignore[arg-type]  # as many as there are, checked there
+        return cls(name, bounds, shapes, zones=zones)  # type: ignore[arg-type]  # checked there
 
     from_shapely = from_geometries  # its name before
 

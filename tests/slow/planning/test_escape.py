@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+import shapely
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, PlannerSettings, Robot, StateChecker, World
+from trailmark import Disc, LandmarkPlanner, PlannerSettings, Polygon, Rectangle, Robot, StateChecker, World
 from trailmark.motion import motion_of
 from trailmark.penetration import Penetration
 from trailmark.planning.escape import way_out
+from trailmark.se2 import transform
 from trailmark.trajectories import path_of
 
 
@@ -36,6 +40,10 @@ def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
             assert np.array_equal(out[0], start)
             assert checker.valid(out[-1])
             assert out[-1, 2] == start[2]
+            if len(out) > 2:
+                rows = np.vstack([a + np.linspace(0.0, 1.0, 40)[:, None] * (b - a) for a, b in pairwise(out)])
+                assert depth_of(world, robot, rows).argmax() == 0
+                continue
             states = start + np.linspace(0.0, 1.0, 40)[:, None] * (out[-1] - start)
             length = float(np.hypot(*(out[-1] - start)[:2]))
             depths = depth_of(world, robot, states)
@@ -44,6 +52,47 @@ def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
             assert (depths <= together + 1e-4).all()
             met += 1
     assert met > few(20, of=2)
+
+
+def depths_in(parts: list[shapely.Polygon], robot: Robot, q: np.ndarray) -> list[float]:
+    """Return how far the nearest place is at which a robot overlaps a part no more, metres, for each part."""
+    found, body = [], Polygon(transform(q, robot.outline.vertices)).shapely()
+    for part in parts:
+        sums = [
+            shapely.MultiPoint(
+                (shapely.get_coordinates(a)[:, None] - shapely.get_coordinates(b)).reshape(-1, 2)
+            ).convex_hull
+            for a in shapely.get_parts(shapely.constrained_delaunay_triangles(part))
+            for b in shapely.get_parts(shapely.constrained_delaunay_triangles(body))
+        ]
+        blocked, here = shapely.union_all(sums), shapely.Point(0.0, 0.0)
+        found.append(here.distance(blocked.boundary) if blocked.contains(here) else 0.0)
+    return found
+
+
+def test_out_of_two_obstacles_it_is_deeper_in_neither_but_where_it_is_wedged() -> None:
+    robot = Robot.polygon(ROBOTS["L"].outline.vertices / ROBOTS["L"].circumradius)
+    rng, met, deeper = np.random.default_rng(3), 0, 0
+    for _ in range(40):
+        q, first = np.array([5.0, 5.0, rng.uniform(-3.0, 3.0)]), rng.uniform(0.0, 2.0 * np.pi)
+        center = shapely.get_coordinates(Polygon(transform(q, robot.outline.vertices)).shapely().centroid)[0]
+        sides = []
+        for angle in (first, first + rng.uniform(0.5, 2.0)):
+            at = center + (rng.uniform(0.2, 0.6) + 0.5) * np.array([np.cos(angle), np.sin(angle)])
+            sides.append(Rectangle((float(at[0]), float(at[1])), 1.0, float(rng.uniform(0.3, 2.0)), angle))
+        checker = StateChecker(World("pressed", (0.0, 0.0, 10.0, 10.0), tuple(sides)), robot)
+        parts = shapely.get_parts(shapely.union_all([side.polygon().shapely() for side in sides])).tolist()
+        if checker.valid(q):
+            continue
+        out = way_out(checker, q, 5.0)
+        assert out is not None
+        assert checker.valid(out[-1])
+        rows = np.vstack([a + np.linspace(0.0, 1.0, 20)[:, None] * (b - a) for a, b in pairwise(out)])
+        depths = np.array([depths_in(parts, robot, row) for row in rows])
+        met += 1
+        deeper += bool((depths[1:] > np.minimum.accumulate(depths)[:-1] + 1e-4).any())
+    assert met == 40
+    assert deeper <= 3  # the straight way out would be in 6
 
 
 @pytest.mark.parametrize("reverse", [True, False])

@@ -81,6 +81,15 @@ def test_without_odometry_messages_poses_come_from_tf(tmp_path: Path, kind: Kind
             assert tuple(mine)[:4] == pytest.approx(tuple(theirs)[:4])
 
 
+def test_transforms_from_odom_to_two_frames_are_not_mixed(tmp_path: Path) -> None:
+    bag = Bag("mcap")
+    tf = [bag.transform("odom", "base_footprint", (t, 0.0, 0.0), topic="/tf", t=t) for t in (10.0, 11.0)]
+    other = bag.transform("odom", "camera", (5.0, 0.0, 0.0), topic="/tf", t=10.5)
+    messages = [tf[0], other, tf[1], bag.scan(11.0, [1.0])]
+    with pytest.raises(FormatError, match="from odom: expected to one frame, got 'base_footprint', 'camera'"):
+        load_log(bag.write(tmp_path, messages))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("topic", ["/tf", "/tf_static"])

@@ -8,9 +8,22 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 import pytest
+import shapely
 
-from trailmark import ConfigurationError, Goal, LandmarkPlanner, Rectangle, Robot, Steering, World, check_path
+from trailmark import (
+    ConfigurationError,
+    Goal,
+    KeepOutZone,
+    LandmarkPlanner,
+    Polygon,
+    Rectangle,
+    Robot,
+    Steering,
+    World,
+    check_path,
+)
 from trailmark.planning.result import PlanResult
+from trailmark.se2 import transform
 
 ROBOTS = {
     "disc": Robot.disc(0.2),
@@ -115,6 +128,30 @@ def test_either_of_two_opposite_headings_will_do() -> None:
         Goal.bidirectional((10.0, 3.0))
 
 
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "car")) for name in ROBOTS])
+def test_a_start_in_a_keep_out_zone_leaves_it_on_the_first_leg(name: str) -> None:
+    zone = shapely.box(7.0, 7.0, 8.0, 8.0)
+    world = World.from_geometries(shapely.box(4.0, 3.0, 6.0, 7.0), (0.0, 0.0, 10.0, 10.0), zones=[KeepOutZone(zone)])
+    robot, start, places = ROBOTS[name], (7.5, 7.5, 0.3), [(2.0, 2.0), (9.0, 9.0, 1.0)]
+    planner = LandmarkPlanner(world, robot, seed=0)
+    result = planner.plan_through(start, places, 3.0)
+    assert (result.status, [leg.status for leg in result.legs]) == ("solved", ["solved"] * 2)
+    assert result.path is not None
+    assert check_path(world, robot, result.path).free
+    passed(result, places)
+    states = result.path.states
+    outlines = [Polygon(transform(q, robot.outline.vertices)).shapely() for q in states]
+    within = [shapely.intersection(outline, zone).area > 1e-6 for outline in outlines]
+    assert within == [i < result.escape for i in range(len(states))]
+    assert result.escape > 0
+    single = planner.plan(start, places[1], 3.0)
+    assert single.escape > 0
+    alone = planner.plan_through(start, places[1:], 3.0)
+    assert alone.cost is not None
+    assert single.cost is not None
+    assert alone.cost <= 1.5 * single.cost
+
+
 WALL = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 7.0), 2.0, 6.0),))
 
 
@@ -156,3 +193,29 @@ def test_a_car_and_an_empty_graph_are_refused_in_one_line() -> None:
         car.plan_on_route(graph, (2.0, 5.0, 0.0), (3.0, 2.0, 0.0))
     with pytest.raises(ConfigurationError, match="expected one edge or more, got none"):
         LandmarkPlanner(WALL, Robot.disc(0.3)).plan_on_route(nx.DiGraph(), (2.0, 5.0, 0.0), (3.0, 2.0, 0.0))
+
+
+def test_what_is_no_route_graph_is_refused_in_one_line() -> None:
+    planner, ends = LandmarkPlanner(WALL, Robot.disc(0.3)), ((2.0, 5.0, 0.0), (3.0, 2.0, 0.0))
+    lone = nx.DiGraph([(1, 2)])
+    nowhere = graph_of({1: (3.0, 5.0), 2: (3.0, 2.0)}, [(1, 2)])
+    nowhere.nodes[2]["position"] = (3.0, float("nan"))
+    for given, fault in (
+        (None, "expected DiGraph, got None"),
+        ("graph.geojson", "expected DiGraph, got 'graph.geojson'"),
+        (nx.Graph([(1, 2)]), "expected DiGraph, got"),
+        (lone, "node 1: position: expected"),
+        (nowhere, "node 2: position: expected"),
+    ):
+        with pytest.raises(ConfigurationError, match=f"^route graph: {fault}") as caught:
+            planner.plan_on_route(given, *ends)  # type: ignore[arg-type]
+        assert "\n" not in str(caught.value)
+
+
+def test_a_graph_made_by_hand_needs_positions_alone() -> None:
+    graph = nx.MultiDiGraph()
+    graph.add_node("a", position=[3, 5])
+    graph.add_node("b", position=(3.0, 2.0))
+    graph.add_edges_from([("a", "a"), ("a", "b")])
+    result = LandmarkPlanner(WALL, Robot.disc(0.3), seed=0).plan_on_route(graph, (2.0, 5.0, 0.0), (3.0, 1.5, 0.0))
+    assert (result.status, result.nodes) == ("solved", ("a", "b"))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 
 from trailmark import CostZone, FormatError, KeepOutZone, LandmarkPlanner, Robot, StateChecker, TrailmarkError, World
@@ -33,6 +34,15 @@ def test_unknown_cells_are_what_they_are_said_to_be(file: Path, unknown: str | N
     assert not StateChecker(world, Robot.disc(0.3)).valid((5.0, 3.5, 0.0))  # occupied in any case
     areas = [region.shapely().area for region in world.unknown]
     assert areas == ([] if unknown is None else pytest.approx([2.0 * 2.5]))
+
+
+def test_in_mode_scale_what_is_not_opaque_is_unknown_whatever_its_grey(file: Path) -> None:
+    pixels = np.array([[[FREE, 255], [OCCUPIED, 255], [FREE, 128], [OCCUPIED, 128], [100, 0]]], np.uint8)
+    Image.fromarray(pixels).save(file.parent / "map.png")
+    file.write_text(MAP + "mode: scale\n")
+    world = World.load(file, unknown="free")
+    assert [region.bounding_box() for region in world.unknown] == [pytest.approx((0.2, 0.0, 0.5, 0.1))]
+    assert [shape.bounding_box() for shape in world.obstacles] == [pytest.approx((0.1, 0.0, 0.2, 0.1))]
 
 
 def test_a_metre_in_unknown_cells_costs_more(file: Path) -> None:
@@ -76,6 +86,9 @@ def test_a_mask_is_graded_below_its_threshold(file: Path) -> None:
 SQUARE = "POLYGON ((1 1, 2 1, 2 2, 1 2, 1 1))"
 GEOMETRY = '{"type": "Polygon", "coordinates": [[[1, 1], [2, 1], [2, 2], [1, 2], [1, 1]]]}'
 FEATURE = f'{{"type": "Feature", "properties": {{}}, "geometry": {GEOMETRY}}}'
+NOWHERE = '{"type": "Feature", "properties": {}, "geometry": null}'
+CROSSED = "POLYGON ((0 0, 2 2, 2 0, 0 2, 0 0))"
+CURVED = "CURVEPOLYGON (CIRCULARSTRING (0 0, 4 0, 4 4, 0 4, 0 0))"
 
 
 @pytest.mark.parametrize(
@@ -85,6 +98,7 @@ FEATURE = f'{{"type": "Feature", "properties": {{}}, "geometry": {GEOMETRY}}}'
         (f"{SQUARE}\n\nMULTIPOLYGON (((3 1, 4 1, 4 2, 3 1)), ((5 1, 6 1, 6 2, 5 1)))\n", [1.0, 0.5, 0.5]),
         (FEATURE, [1.0]),
         (f'{{"type": "FeatureCollection", "features": [{FEATURE}, {FEATURE}]}}', [1.0, 1.0]),
+        (f'{{"type": "FeatureCollection", "features": [{FEATURE}, {NOWHERE}]}}', [1.0]),
     ],
 )
 def test_polygons_of_files_become_keep_out_zones(tmp_path: Path, text: str, areas: list[float]) -> None:
@@ -98,7 +112,11 @@ def test_polygons_of_files_become_keep_out_zones(tmp_path: Path, text: str, area
 
 
 @pytest.mark.parametrize(
-    "text", ["", "POLYGON((1 1", "kitchen", '{"type": "Point", "coordinates": [1, 2]}', "{", "[" * 9999]
+    "text",
+    [
+        *["", "POLYGON((1 1", "kitchen", '{"type": "Point", "coordinates": [1, 2]}', "{", "[" * 9999, CURVED],
+        f"{SQUARE}\n{CROSSED}",  # whose halves make up no area, but a zone was meant
+    ],
 )
 def test_a_file_without_polygons_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "zones.wkt").write_text(text)
@@ -112,3 +130,16 @@ def test_geometries_come_with_zones() -> None:
     zone = KeepOutZone([(1, 1), (2, 1), (2, 2)])  # type: ignore[arg-type]
     world = World.from_geometries([shapely.box(4, 4, 5, 5)], (0, 0, 9, 9), zones=[zone])
     assert (len(world.obstacles), world.zones) == (1, (zone,))
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"zones": None}, "zones: expected a sequence, got None"),
+        ({"zones": KeepOutZone(shapely.box(1, 1, 2, 2))}, "zones: expected a sequence, got KeepOutZone"),
+        ({"bounds": 5}, "bounds: expected four numbers"),
+    ],
+)
+def test_other_zones_and_bounds_than_a_sequence_are_refused_in_one_line(options: dict[str, object], fault: str) -> None:
+    with pytest.raises(TrailmarkError, match=f"^{fault}"):
+        World.from_geometries(shapely.box(4, 4, 5, 5), **options)  # type: ignore[arg-type]

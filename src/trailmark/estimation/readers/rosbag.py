@@ -154,7 +154,7 @@ def _moved_by_tf(path: Path, reader: AnyReader, bad: BadRecords) -> Iterator[_Mo
         return None
 
     def poses() -> Iterator[_Moved]:
-        latest = -math.inf
+        latest, frame = -math.inf, ""
         for number, (received, message) in enumerate(_decoded(reader, wanted), start=1):
             name = f"message {number} of {wanted[0].topic}"
             if isinstance(message, Exception):
@@ -163,6 +163,9 @@ def _moved_by_tf(path: Path, reader: AnyReader, bad: BadRecords) -> Iterator[_Mo
             for entry in message.transforms:
                 if entry.header.frame_id.rpartition("/")[2] != "odom":
                     continue
+                child = entry.child_frame_id
+                if child != (frame := frame or child):
+                    raise FormatError(path, f"transforms from odom: expected to one frame, got {frame!r}, {child!r}")
                 stamp = entry.header.stamp
                 t = stamp.sec + 1e-9 * stamp.nanosec if any((stamp.sec, stamp.nanosec)) else 1e-9 * received
                 if t < latest:
@@ -170,9 +173,11 @@ def _moved_by_tf(path: Path, reader: AnyReader, bad: BadRecords) -> Iterator[_Mo
                     continue
                 latest = t
                 place = entry.transform
-                yield _Moved(name, t, _pose(place.translation, place.rotation), entry.child_frame_id.lstrip("/"))
+                yield _Moved(name, t, _pose(place.translation, place.rotation), child.lstrip("/"))
 
-    return poses() if next(poses(), None) is not None else None
+    found = poses()
+    first = next(found, None)
+    return None if first is None else itertools.chain([first], found)
 
 
 def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad: BadRecords) -> Iterator[_Message]:
