@@ -385,7 +385,8 @@ def _path_facts(record: dict[str, Any], result: PlanResult) -> list[tuple[str, s
         facts.append(("objective", ", ".join(shown) + error))
     if (curve := record.get("curve")) is not None:
         kind = {"dubins": "Dubins", "reeds-shepp": "Reeds-Shepp"}[curve["kind"]]
-        turns = f"{record['direction_changes']} changes of direction, {record['reverse_length']:.4g} m in reverse"
+        changes = console.plural(record["direction_changes"], "change")
+        turns = f"{changes} of direction, {record['reverse_length']:.4g} m in reverse"
         facts.append(("curves", f"{kind}, turning radius {curve['turning_radius']:g} m, {turns}"))
     if (smooth := record.get("smooth")) is not None:
         stops = f"{len(smooth['stops'])} stops on the way"
