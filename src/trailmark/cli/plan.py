@@ -355,10 +355,10 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
     facts = [
         *([] if result.path is None else _path_facts(record, result)),
         *([("legs", costs)] if result.legs else []),
-        *([("escape", f"{result.escape} motions lead out first")] if result.escape else []),
+        *([("escape", f"{console.plural(result.escape, 'motion')} to get out first")] if result.escape else []),
         *([("route", " - ".join(map(str, record["route"]["nodes"])))] if "route" in record and result.path else []),
         *([("nav2", text) for text in record.get("nav2_params", ())]),
-        ("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges"),
+        *([] if "route" in record else [("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges")]),
         ("time", f"{seconds['total']:.3f} s (load {seconds['load']:.3f}, build {seconds['build']:.3f})"),
         ("seed", str(record["seed"])),
     ]
