@@ -244,7 +244,7 @@ def test_the_summary_is_printed_and_the_page_written(shell: Shell, results: Path
     assert (run.status, run.err) == (0, "")
     assert [line.split()[0] for line in run.out.splitlines()[:3]] == ["planner", "landmark", "PRM"]
     again = shell("report", results, "--html", page)
-    assert again.out == run.out + f"written: {page} (1 problems, 2 planners, 6 runs)\n"
+    assert again.out == run.out + f"written: {page} (1 problem, 2 planners, 6 runs)\n"
     assert page.read_text().startswith("<!DOCTYPE html>")
     assert results.read_bytes() == before
     assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "results.db"]

@@ -65,7 +65,7 @@ def benchmark(
     start: Annotated[
         options.Pose | None, option(options.POSE, "Start pose of one problem in each world.", group="Problems")
     ] = None,
-    goal: Annotated[options.Pose | None, option(options.POSE, "Its goal pose.", group="Problems")] = None,
+    goal: Annotated[options.Pose | None, option(options.POSE, "Goal pose of that problem.", group="Problems")] = None,
     suite: Annotated[
         str | None,
         option(
@@ -107,8 +107,8 @@ def benchmark(
 ) -> None:
     """Run planners on problems and store every result in a database.
 
-    Each run has a process of its own; its time is planning time alone, without set-up. The same command again makes
-    the runs that are missing. Read the results with 'trailmark report' or Planner Arena.
+    Each run has its own process; only planning time counts, not set-up. The same command again makes the missing
+    runs. Read the results with 'trailmark report' or Planner Arena.
     """
     from trailmark.benchmark.planners import NATIVE, read_planners
     from trailmark.benchmark.runner import Benchmark

@@ -210,7 +210,7 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
     ]
     if audit.direction_changes is not None:
         reverse = f"{audit.reverse_length:.4f} m in reverse"
-        facts.append(("driving", f"{audit.direction_changes} changes of direction, {reverse}"))
+        facts.append(("driving", f"{console.plural(audit.direction_changes, 'change')} of direction, {reverse}"))
     colour = "green" if audit.free and not undrivable else "red"
     console.show(f"{record['world']}: {verdict}", facts, written, colour)
 

@@ -59,13 +59,13 @@ def explore(
     sensor_range: Annotated[
         Text, _kept("sensor-range", "Range of the sensor; default: a fifth of the world's longer side.")
     ] = None,
-    strategy: Annotated[Text, _kept("strategy", "How to choose where to go; default: tour.")] = None,
+    strategy: Annotated[Text, _kept("strategy", "How the next landmark is chosen; default: tour.")] = None,
     cell: Annotated[
         Text,
         _kept(
             "cell",
-            "Side of the map's cells; what is narrower than the robot and two cells is not entered; default: a fifth "
-            "of the robot's inner radius.",
+            "Side of the map's cells; passages narrower than the robot and two cells are not entered; default: a "
+            "fifth of the robot's inscribed radius.",
         ),
     ] = None,
     confidence: Annotated[
@@ -75,7 +75,7 @@ def explore(
     seed: Annotated[Text, _kept("seed", "Random seed; default: 0.")] = None,
     drive: Annotated[Text, _kept("drive", "How the robot moves; as for plan.")] = None,
     turning_radius: Annotated[Text, _kept("turning-radius", "Minimum turning radius; makes the robot a car.")] = None,
-    clearance: Annotated[Text, _kept("clearance", "Minimum clearance to what is seen.")] = None,
+    clearance: Annotated[Text, _kept("clearance", "Minimum clearance to mapped obstacles.")] = None,
     time_limit: Annotated[
         float, options.option(options.SECONDS, "Time limit on the simulated robot's clock.")
     ] = math.inf,
@@ -88,7 +88,8 @@ def explore(
     Writes into DIR the map (as a world, for nav2, as a roadmap), the log, a summary, a picture and a GIF. Ctrl-C keeps
     the map so far; --resume continues.
 
-    Exit status: 0 explored, or a limit reached; 2 bad input; 3 the robot cannot move or its sensor gives no readings.
+    Exit status: 0 explored, or a limit reached; 2 bad input; 3 the robot cannot move or its sensor gives no readings;
+    130 stopped by Ctrl-C.
     """
     begun = {"robot": robot, "start": start, "sensor": sensor, "sensor-range": sensor_range, "cell": cell}
     begun |= {"confidence": confidence, "noise": noise, "seed": seed}
@@ -180,7 +181,8 @@ def _draw(result: ExplorationResult, folder: Path) -> None:
 def _print_summary(record: dict[str, Any], result: ExplorationResult, folder: Path) -> None:
     last, times = result.history[-1], record["time"]
     colour = "green" if result.status.startswith("complete") else "yellow"
-    console.say(f"{record['world']}: {record['status']}, {record['reason']}", fg=colour, bold=True)
+    outcome = ", ".join(dict.fromkeys([record["status"], record["reason"]]))  # "interrupted" is both
+    console.say(f"{record['world']}: {outcome}", fg=colour, bold=True)
     decisions = f"{console.plural(len(result.decisions), 'decision')}, median {1e3 * times['decision_median']:.0f} ms"
     rows = [
         ("known", f"{record['area']:,.2f} m²"),

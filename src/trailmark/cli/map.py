@@ -48,61 +48,62 @@ def map_log(
         float | None,
         option(
             options.PROBABILITY,
-            "Grow the obstacles so that a valid path meets none with probability P; default: as measured.",
+            "Grow the obstacles so that a valid path is free of collision with probability P; default: not grown.",
         ),
     ] = None,
     even_if_uncertain: Annotated[
         bool,
         typer.Option(
-            "--force", "--even-if-uncertain", help="Grow them by --confidence though the map is not certified."
+            "--force", "--even-if-uncertain", help="Grow obstacles for --confidence even if the map is not certified."
         ),
     ] = False,
     robot: Annotated[
-        RobotSpec, option(options.ROBOT, "Stored in the world: disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;…")
+        RobotSpec, option(options.ROBOT, "The world's robot: disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;…")
     ] = ROBOT,
     plot: PlotOption = None,
     trajectory: Annotated[
         Path | None,
         option(
             OutputFile(".tum", ".txt", metavar="FILE.tum"),
-            "Write where the robot was: rows t x y 0 0 0 qz qw, for evo.",
+            "Write the robot's trajectory: rows t x y 0 0 0 qz qw, as evo reads them.",
         ),
     ] = None,
     nav2: Annotated[
         Path | None,
         option(
             OutputFile(".yaml", ".yml", metavar="MAP.yaml"),
-            "Write the map for nav2 too: MAP.yaml and MAP.pgm beside it.",
+            "Also write the map for nav2: MAP.yaml, and MAP.pgm beside it.",
         ),
     ] = None,
     as_json: JsonOption = False,
-    skip_bad: Annotated[bool, flag("--skip-bad", "Leave out bad records, and say how many.")] = False,
+    skip_bad: Annotated[bool, flag("--skip-bad", "Skip bad records and count them.")] = False,
     poses: Annotated[
         str | None,
         option(
             options.Kind("FROM"),
-            "match (scans), slam (EKF), log (as it states them), or odometry (it drifts); default: auto, by the log.",
+            "Source of the poses: match (scan matching), slam (EKF-SLAM), log (poses in the log), odometry (drifts), "
+            "or auto (default: chosen by the log's content).",
         ),
     ] = None,
     start: Annotated[
-        Pose | None, option(options.POSE, "Where the robot stood first; default: as the log says, or 0,0,0.")
+        Pose | None, option(options.POSE, "First pose of the robot; default: from the log, else 0,0,0.")
     ] = None,
     frame: Annotated[
         str | None,
         option(
             options.NAME,
-            "What covariances of detected obstacles are relative to: start (default with --start), or map, for a robot "
-            "that localises on them.",
+            "Reference of the covariances of detected obstacles: start (the first pose; default with --start), or map "
+            "(for a robot that localises on these obstacles).",
         ),
     ] = None,
     settings: Annotated[
         Path | None,
-        option(options.SETTINGS, "Noise, association, radius, cells, …: lines 'name: value' of MapSettings."),
+        option(options.SETTINGS, "Settings (noise, association, radius, …), in lines 'name: value': see MapSettings."),
     ] = None,
 ) -> None:
-    """Turn a sensor log into a world: what was detected becomes discs, what lasers scanned walls, discs and heaps.
+    """Turn a sensor log into a world: detections become discs, laser scans walls, discs and groups of cells.
 
-    The obstacles keep their covariances. The file goes straight into 'trailmark plan'.
+    The obstacles keep their covariances. 'trailmark plan' reads the written file.
     """
     image = None if nav2 is None else OutputFile(".pgm")(str(nav2.with_suffix(".pgm")), "--nav2")
     outputs = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2}

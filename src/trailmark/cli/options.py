@@ -277,7 +277,8 @@ StartOption = Annotated[Pose | None, option(POSE, "Start pose in metres and radi
 TimeLimitOption = Annotated[float, option(SECONDS, "Planning time.")]
 SeedOption = Annotated[int, option(SEED, "Random seed.")]
 DriveOption = Annotated[
-    str | None, option(DRIVE, "How it moves; differential turns in place and drives along its heading.", group="Robot")
+    str | None,
+    option(DRIVE, "How the robot moves; differential turns in place and drives along its heading.", group="Robot"),
 ]
 TurningRadiusOption = Annotated[
     float | None, option(RADIUS, "Minimum turning radius; makes the robot a car.", group="Robot")
@@ -293,7 +294,7 @@ UnknownOption = Annotated[
     Any,
     option(
         UNKNOWN,
-        "Unknown cells of a nav2 map: blocked (default), free, or the factor by which a metre in them costs more.",
+        "Unknown cells of a nav2 map: blocked (default), free, or a factor on the cost of a metre in them.",
         group="World",
     ),
 ]

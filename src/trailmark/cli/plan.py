@@ -28,7 +28,7 @@ __all__ = ["plan"]
 
 EXIT_STATUS = {"solved": 0, "timeout": 3, "infeasible": 4}
 CLOSE, CLOSE_SHARE = 0.01, 0.02
-"""Metres, and share of the footprint, nearer than which a path that no clearance was asked for is told of."""
+"""Metres, and share of the footprint: below this clearance a path planned without --clearance gets a warning."""
 
 PLAN_SETTINGS = {"gap": options.FACTOR, "max_iterations": options.Count(low=1), "frame_id": options.FRAME}
 PLAN_SETTINGS |= {"landmarks": options.LANDMARKS, "step": options.METRES, "limits": options.LIMITS}
@@ -42,11 +42,11 @@ def plan(
     start: options.StartOption = None,
     goal: Annotated[
         list[Any] | None,
-        option(options.GOAL, "Goal pose, or position with any heading. Repeat it for alternatives: one is reached."),
+        option(options.GOAL, "Goal pose, or position with any heading. Repeat it to allow any of several."),
     ] = None,
     via: Annotated[
         list[Any] | None,
-        option(options.GOAL, "Via point, passed on the way; repeat it for several, in their order.", group="Query"),
+        option(options.GOAL, "Via point, which the path passes; repeat it for several, in their order.", group="Query"),
     ] = None,
     time_limit: options.TimeLimitOption = 1.0,
     output: Annotated[
@@ -65,17 +65,17 @@ def plan(
         Tolerance | None, option(options.TOLERANCE, "Tolerance of the goal's position and heading.", group="Query")
     ] = None,
     bidirectional: Annotated[
-        bool, flag("--bidirectional", "Reach the goal headed as given, or the opposite way.", "Query")
+        bool, flag("--bidirectional", "Also accept the opposite heading at the goal.", "Query")
     ] = False,
     escape: Annotated[
         bool,
-        flag("--escape", "Lead a robot that starts in an obstacle out of it first, never deeper.", "Query"),
+        flag("--escape", "If the robot starts in collision, lead it out first, never deeper in.", "Query"),
     ] = False,
     route_graph: Annotated[
         Path | None,
         option(
             options.InputFile("FILE.geojson"),
-            "Plan on a route graph drawn by hand (nav2's), over its edges along which the robot is free.",
+            "Plan along the collision-free edges of a route graph (nav2's GeoJSON).",
             group="Query",
         ),
     ] = None,
@@ -85,8 +85,8 @@ def plan(
         Path | None,
         option(
             options.SETTINGS,
-            "nav2's parameter file: takes footprint, padding, drive, allow_unknown and tolerance from it, unless other "
-            "options say otherwise.",
+            "Parameter file of nav2, for footprint, padding, drive, allow_unknown and tolerance; other options "
+            "override it.",
             group="Robot",
         ),
     ] = None,
@@ -112,11 +112,11 @@ def plan(
         Path | None,
         option(
             options.SETTINGS,
-            "Lines 'name: value': gap (stop once the cost is proven within this share of the optimum), max_iterations "
-            "(of planning; with time enough for them, the same seed gives the same path), frame_id (in messages), "
+            "Settings, in lines 'name: value': gap (stop once the cost is proven within this share of the optimum), "
+            "max_iterations (with enough time for them, the same seed gives the same path), frame_id (in messages), "
             "landmarks (of the roadmap), step (metres: maximum spacing of written waypoints), limits (m/s, m/s², "
-            "rad/s, rad/s², for trajectories and the objective time; default: 1,0.5,1 and no limit), and those of "
-            "PlannerSettings.",
+            "rad/s, rad/s², for trajectories and the objective time; default: 1,0.5,1 and no limit), "
+            "and the fields of PlannerSettings.",
             group="Limits",
         ),
     ] = None,
@@ -125,7 +125,7 @@ def plan(
         typer.Option(
             "--round-corners",
             "--smooth",
-            help="Round the path's corners where a certified curve fits; the robot stops at others.",
+            help="Round the path's corners where a certified curve fits; at other corners the robot stops.",
             rich_help_panel="Output",
         ),
     ] = False,
@@ -356,10 +356,10 @@ def _print_summary(record: dict[str, Any], result: PlanResult, written: list[Pat
     facts = [
         *([] if result.path is None else _path_facts(record, result)),
         *([("legs", costs)] if result.legs else []),
-        *([("escape", f"{result.escape} motions lead out first")] if result.escape else []),
+        *([("escape", f"{console.plural(result.escape, 'motion')} to get out first")] if result.escape else []),
         *([("route", " - ".join(map(str, record["route"]["nodes"])))] if "route" in record and result.path else []),
         *([("nav2", text) for text in record.get("nav2_params", ())]),
-        ("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges"),
+        *([] if "route" in record else [("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges")]),
         ("time", f"{seconds['total']:.3f} s (load {seconds['load']:.3f}, build {seconds['build']:.3f})"),
         ("seed", str(record["seed"])),
     ]
@@ -386,7 +386,8 @@ def _path_facts(record: dict[str, Any], result: PlanResult) -> list[tuple[str, s
         facts.append(("objective", ", ".join(shown) + error))
     if (curve := record.get("curve")) is not None:
         kind = {"dubins": "Dubins", "reeds-shepp": "Reeds-Shepp"}[curve["kind"]]
-        turns = f"{record['direction_changes']} changes of direction, {record['reverse_length']:.4g} m in reverse"
+        changes = console.plural(record["direction_changes"], "change")
+        turns = f"{changes} of direction, {record['reverse_length']:.4g} m in reverse"
         facts.append(("curves", f"{kind}, turning radius {curve['turning_radius']:g} m, {turns}"))
     if (smooth := record.get("smooth")) is not None:
         stops = f"{len(smooth['stops'])} stops on the way"

@@ -35,5 +35,6 @@ def report(
             write_atomically(html, html_report(found))
     print_results(found, found.planners)
     if html is not None:
-        counts = f"{len(found.problems):,} problems, {len(found.planners):,} planners, {found.runs:,} runs"
+        numbers = {"problem": len(found.problems), "planner": len(found.planners), "run": found.runs}
+        counts = ", ".join(console.plural(n, noun) for noun, n in numbers.items())
         console.say(f"written: {html} ({counts})")

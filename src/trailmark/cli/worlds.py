@@ -78,9 +78,9 @@ def convert(
         Path | None, option(options.ZONES, "Keep-out zones: polygons as GeoJSON or WKT, or a nav2 mask (.yaml).")
     ] = None,
     speed_mask: Annotated[
-        Path | None, option(options.ZONES, "nav2 speed mask; cells become speed limits, percentages of --max-speed.")
+        Path | None, option(options.ZONES, "nav2 speed mask: cells become speed limits, in per cent of --max-speed.")
     ] = None,
-    max_speed: Annotated[float, option(options.SPEED, "What the percentages are of.")] = 1.0,
+    max_speed: Annotated[float, option(options.SPEED, "Speed that 100 % stands for.")] = 1.0,
 ) -> None:
     """Convert a world of any format to trailmark YAML.
 

@@ -20,13 +20,13 @@ PoseSource = Literal["match", "slam", "log", "odometry"]
 
 @dataclass(frozen=True)
 class MappingSettings:
-    """How scans become a world.
+    """Settings for obstacles from scans.
 
     Raises:
         EstimationError: a value that is not allowed.
     """
 
-    scan: ScanSettings = field(default_factory=ScanSettings)  #: What is known of the scanner.
+    scan: ScanSettings = field(default_factory=ScanSettings)  #: The scanner's properties.
     #: Standard deviation of the poses: of x and y each (metres), of theta (radians). Errors of poses do not
     #: average out.
     pose_sigma: tuple[NonNegative, NonNegative] = (0.02, 0.005)
@@ -34,7 +34,7 @@ class MappingSettings:
     #: states a larger one: its beams are about as far apart, and smaller cells between them would stay unknown.
     cell: Positive | None = None
     confirm: Count = 3  #: Scans that must have shown a feature; others are dropped.
-    #: What no beam has reached, or what is separated from where the robot was: an obstacle, or free.
+    #: Cells that no beam has reached, or that obstacles separate from the robot's path: an obstacle, or free.
     unknown: Literal["blocked", "free"] = "blocked"
 
     def __post_init__(self) -> None:
@@ -51,22 +51,22 @@ class MappingSettings:
 
 @dataclass(frozen=True)
 class MapSettings:
-    """What :func:`trailmark.estimation.map_log` goes by.
+    """Settings of :func:`trailmark.estimation.map_log`.
 
-    The noise is for what the log itself states none for. Velocities and ranges are those measured on the MRCLAM
-    robots against motion capture: small, slow, indoors, with a camera.
+    The noise here counts where the log states none. That of velocities and ranges was measured on the MRCLAM robots
+    against motion capture: small, slow, indoors, with a camera.
 
     Raises:
         EstimationError: a value that is not allowed.
     """
 
-    #: What they are made of; "auto": scans if the log has any, else detections.
+    #: Source of the obstacles; "auto": scans if the log has any, else detections.
     obstacles: ObstacleSource | Literal["auto"] = "auto"
-    #: "match": by matching scans and closing loops, from odometry on; "slam": by EKF-SLAM over odometry and
-    #: detections; "log": as the log states them; "odometry": by odometry alone, which drifts (scans only). "auto":
-    #: for scans the log's if it states them, else match; for detections slam if it has odometry, else the log's.
+    #: Source of the poses. "match": scan matching with loop closures, starting from odometry; "slam": EKF-SLAM over
+    #: odometry and detections; "log": those in the log; "odometry": odometry alone, which drifts (scans only). "auto":
+    #: for scans, the log's if there are any, else match; for detections, slam if there is odometry, else the log's.
     poses: PoseSource | Literal["auto"] = "auto"
-    #: How EKF-SLAM goes about it.
+    #: Settings of EKF-SLAM.
     slam: SlamSettings = field(default_factory=lambda: SlamSettings("auto", confirm=5))
     #: Noise of detections by range and bearing.
     range_bearing: RangeBearing = field(default_factory=lambda: RangeBearing(0.06, 0.015, growth=0.3))
@@ -80,20 +80,20 @@ class MapSettings:
     #: Whether the batch over the whole log estimates noise and systematic errors from it. "auto": where the residuals
     #: show more noise than is stated, or much less.
     fit_noise: bool | Literal["auto"] = "auto"
-    radius: Positive = 0.1  #: Radius of what was detected, metres: a log says where its centre is, not how large it is.
+    radius: Positive = 0.1  #: Radius of detected obstacles, metres; a log only says where their centres are.
     radius_sigma: NonNegative = 0.0  #: Standard deviation of that radius, metres.
-    #: How scans become obstacles. Its ``pose_sigma`` is also that of poses stated by the log.
+    #: Settings for obstacles from scans. Its ``pose_sigma`` is also that of poses stated by the log.
     mapping: MappingSettings = field(default_factory=MappingSettings)
-    #: Where the robot stood first: x, y (metres), theta (radians), in the world's frame. None: where the log says,
-    #: else 0, 0, 0. Poses of the log stay where they are.
+    #: First pose of the robot: x, y (metres), theta (radians), in the world's frame. None: from the log, else 0, 0, 0.
+    #: Poses in the log are not moved.
     start: tuple[Finite, Finite, Finite] | None = None
-    #: What the covariances of detected obstacles are relative to. "start": the start, so that obstacles grow for
-    #: the error of where the map lies, too; "map": the obstacles themselves, for a robot that localises on them.
-    #: None: start if it is given here, else map. Fewer than four features, and those of poses that
-    #: are stated, have no frame but the start's; what scans show has none but the map's.
+    #: Reference of the covariances of detected obstacles. "start": the first pose, so that obstacles also grow for the
+    #: error of the map as a whole; "map": the obstacles themselves, for a robot that localises on them. None: start if
+    #: ``start`` is given, else map. With fewer than four features, or poses from the log, only "start" is possible; for
+    #: obstacles from scans only "map".
     frame: Frame | None = None
     #: Standard deviation of the pose (x and y each, metres; theta, radians) of the robot that will drive in the
-    #: world: obstacles grow by it too. None: it knows where it is.
+    #: world: obstacles grow by it too. None: its pose is exact.
     robot_sigma: tuple[NonNegative, NonNegative] | None = None
 
     def __post_init__(self) -> None:

@@ -63,7 +63,7 @@ MAX_CELLS = 4_000_000
 
 @dataclass(frozen=True)
 class ExplorationSettings:
-    """How to explore.
+    """Settings of an exploration.
 
     Raises:
         ConfigurationError: a value that is not allowed.
@@ -71,17 +71,17 @@ class ExplorationSettings:
 
     cell: Positive | None = None
     """Metres: side of a cell of the map; by default a fifth of the robot's inscribed radius, at least 0.02 m and within
-    MAX_CELLS. What is narrower than the robot and two cells is not looked into."""
+    MAX_CELLS. Passages narrower than the robot and two cells are not entered."""
     sense_period: Positive = 0.1
     """Seconds that the robot drives between two readings."""
     confidence: Probability | None = None
-    """Probability with which a path is to meet nothing that the noise hides; None: distances are taken as measured."""
+    """Probability that a path is free of obstacles in spite of the sensor's noise; None: noise is ignored."""
     time_limit: PositiveOrInfinite = math.inf
     """Seconds of the robot's clock."""
     distance_limit: PositiveOrInfinite = math.inf
     """Metres driven."""
     planning_time: Positive = 1.0
-    """Seconds for a path to a landmark; one that is neither found nor proven impossible is tried again later."""
+    """Seconds for planning to a landmark; if there is neither a path nor a proof, it is tried again later."""
     return_home: bool = False
     """Whether to drive back to the start at the end."""
 

@@ -48,31 +48,32 @@ MAX_WORKERS = 1024
 class LandmarkPlanner:
     """Plans paths for one robot in one world, over a roadmap that grows with its queries.
 
-    A query goes through the stages of :mod:`trailmark.planning.pipeline`: what the roadmap does not answer is sought
-    over lattices of configurations (not for cars), then in rounds of landmarks: the relaxed problem (the robot's
+    A query goes through the stages of :mod:`trailmark.planning.pipeline`. If the roadmap has no path, lattices of
+    configurations are searched (not for cars), then landmarks are placed in rounds: the relaxed problem (the robot's
     inscribed disc on a grid) says where short paths are likely; valid configurations drawn there are clustered by
     K-means; the centres, repaired to valid configurations, join the roadmap; a lazy search finds the shortest path of
-    certified motions. While there is none, each round draws from a wider band, in the end over all that the robot might
-    reach: a path that exists with some room is found with probability one as time goes on. Then it is shortened, and
-    further rounds look for other ways around, until the path settles or the time is up. A disc's shortest path is
-    computed.
+    certified motions. While there is none, each round draws from a wider band, in the end from all places that the
+    robot might reach: a path with some clearance is found with probability one as time goes on. The path is then
+    shortened, and further rounds look for other homotopy classes, until the cost settles or the time is up. A disc's
+    shortest path is computed.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
-    reverse, a path is a :class:`trailmark.CurvePath`, and in tight places short drives lead on.
+    reverse, a path is a :class:`trailmark.CurvePath`, and in tight places hybrid A* connects its parts.
 
-    A planner can be pickled and copied: the copy knows what the planner knows, and goes on in the same way.
+    A planner can be pickled and copied, with its roadmap and its random state.
 
     Args:
         world: obstacles and bounds.
         robot: footprint; the world's own robot if None.
         seed: the same seed gives the same paths, as long as no time limit cuts in; None draws one.
-        landmarks: spread over all free space before the first query; by default none, every query places its own.
-        clearance: metres that no configuration along a path comes nearer to anything than; the robot's own if None.
-        relax: :meth:`plan` keeps as much of that as there is (:attr:`trailmark.PlanResult.clearance`).
-        checker: one that is there already for this world and robot; without ``robot``, its robot counts.
-        settings: numbers that a person may change; by default those that the benchmarks were run with.
-        objective: what paths cost (:meth:`trailmark.Objective.of`); by default their length and a car's maneuvers.
-        warm: load the compiled kernels now (:mod:`trailmark.planning.warmup`), so that no query pays for it.
+        landmarks: number of landmarks spread over all free space before the first query; default: none, each query
+            places its own.
+        clearance: minimum distance to obstacles and bounds along a path, metres; the robot's own if None.
+        relax: if no path keeps the clearance, keep the largest feasible one (:attr:`trailmark.PlanResult.clearance`).
+        checker: an existing checker for this world and robot; without ``robot``, its robot is used.
+        settings: default: those of the benchmarks.
+        objective: the cost of paths (:meth:`trailmark.Objective.of`); default: length, and a car's maneuvers.
+        warm: load the compiled kernels now (:mod:`trailmark.planning.warmup`), so that no query waits for it.
 
     Raises:
         WorldError: neither ``robot`` nor ``world.robot`` is given.
@@ -129,17 +130,17 @@ class LandmarkPlanner:
 
     @property
     def world(self) -> World:
-        """The world that queries are answered in."""
+        """The world that is planned in."""
         return self._models.world
 
     @property
     def robot(self) -> Robot:
-        """The robot that moves in it."""
+        """The robot that is planned for."""
         return self._models.robot
 
     @property
     def checker(self) -> StateChecker:
-        """Which configurations and motions are valid in it."""
+        """The checker of configurations and motions."""
         return self._model.checker
 
     @property
@@ -154,7 +155,7 @@ class LandmarkPlanner:
 
     @property
     def bound(self) -> LowerBound:
-        """Proves lower bounds; what it computes is kept from query to query."""
+        """Proves lower bounds; its results are kept from query to query."""
         return self._model.bound
 
     @property
@@ -167,7 +168,7 @@ class LandmarkPlanner:
         """Spread landmarks over all free space, join them to the roadmap, and return it.
 
         Args:
-            landmarks: how many; by default as many as given to the planner, else 200.
+            landmarks: number; default: as given to the planner, else 200.
 
         Raises:
             ConfigurationError: ``landmarks`` below 1, or no free space to place them in.
@@ -196,17 +197,16 @@ class LandmarkPlanner:
         Args:
             start: configuration (x, y, theta), shape (3,).
             goal: configuration, shape (3,), or goals (:class:`~trailmark.Goal`) of which the cheapest is reached.
-            time_limit: seconds, half of which may go into landmarks that were asked for and are not spread yet; that
-                and making the planner, which reads the world, are not counted in what a first path takes. Kept to
-                about 5 % or 20 ms, whichever is more.
+            time_limit: seconds; at most half go into spreading the planner's ``landmarks``, if that is not done yet.
+                Kept to about 5 % or 20 ms, whichever is more.
             max_iterations: rounds of landmarks at most; with a generous time limit the answer then depends on
                 the seed alone.
             on_progress: called after every step and with every better path.
-            stop: asked between steps whether to end early, as if the time were up.
+            stop: called between steps; planning ends early once it returns True, as if the time were up.
             gap: end as soon as the path is proven to cost no more than (1 + gap) times the optimum; infinite: with the
                 first path.
-            escape: where the start is not free (a robot that is not quite where it is thought to be), begin with the
-                shortest way out, along which it is never deeper in what it stands in.
+            escape: if the start is in collision (by an error of localisation, say), begin with the shortest way out,
+                along which the robot never gets deeper.
 
         Raises:
             ConfigurationError: start or goal is not valid, the time limit is not above 0, or the gap is negative.
@@ -226,25 +226,25 @@ class LandmarkPlanner:
         gap: float = GAP,
         escape: bool = False,
     ) -> PlanResult:
-        """Return one path from start through places in their order, or for which leg there is none.
+        """Return one path from start through via points in their order, or the leg that has none.
 
-        Headings that are left free are chosen together with the legs. ``cost`` and ``lower_bound`` are those of the
-        whole path, ``legs`` has the answer for each leg; ``reason`` names the leg that fails.
+        Free headings are chosen together with the legs. ``cost`` and ``lower_bound`` are those of the whole path,
+        ``legs`` has the result of each leg; ``reason`` names the leg that fails.
 
         Args:
             start: configuration (x, y, theta), shape (3,).
-            goals: the places, the last is the goal: each a configuration, shape (3,), a position x, y, which is passed
-                with any heading, a goal (:class:`~trailmark.Goal`), or several goals of which any one is passed.
+            goals: the via points, and last the goal: each a configuration, shape (3,), a position x, y with any
+                heading, a goal (:class:`~trailmark.Goal`), or several goals, one of which is passed.
             time_limit: seconds for all legs together.
             max_iterations: rounds of landmarks at most, for each leg.
             on_progress: called after every step, and with every better whole path.
-            stop: asked between steps whether to end early, as if the time were up.
+            stop: called between steps; planning ends early once it returns True, as if the time were up.
             gap: end as soon as the whole path is proven to cost no more than (1 + gap) times the optimum; infinite:
                 with the first.
             escape: as of :meth:`plan`.
 
         Raises:
-            ConfigurationError: there are no places, start or a place is not valid, or an option is out of range.
+            ConfigurationError: no goals, a start or goal that is not valid, or an option out of range.
         """
         return self._plan(start, stops_of(goals), time_limit, max_iterations, on_progress, stop, gap, escape)
 
@@ -252,7 +252,7 @@ class LandmarkPlanner:
     def plan_on_route(
         self, graph: nx.DiGraph, start: ArrayLike, goal: ArrayLike, time_limit: float = 1.0
     ) -> RouteResult:
-        """Return the cheapest path over a route graph drawn by hand, with the edges along which the robot collides.
+        """Return the cheapest path over a route graph, and the edges along which the robot collides.
 
         The robot drives each edge in its direction and turns in place at nodes. Start and goal are joined to it.
 
@@ -290,16 +290,16 @@ class LandmarkPlanner:
 
     @as_raised
     def update(self, changes: Changes | World) -> Update:
-        """Bring all that is known up to date with a world in which obstacles came, went or moved.
+        """Update the planner for a world in which obstacles were added, removed or moved.
 
-        The roadmap is kept, and looked at again where the changes reach. Queries that are under way in other threads
-        see the world as it was, later ones the world as it is.
+        The roadmap is kept and checked again near the changes. Queries that run in other threads see the old world,
+        later queries the new one.
 
         Args:
-            changes: what changed, or the world as it is now (:meth:`trailmark.World.edited`), its robot left aside.
+            changes: the changes, or the new world (:meth:`trailmark.World.edited`), whose robot is ignored.
 
         Raises:
-            WorldError: a change of an obstacle that this world does not hold. Nothing is changed then.
+            WorldError: a change of an obstacle that is not in this world. The planner stays as it was.
         """
         one_of(changes, (Changes, World), "changes:", error=WorldError)
         self._warm_up("changes")
@@ -322,24 +322,25 @@ class LandmarkPlanner:
         escape: bool = False,
         speed: float | None = None,
     ) -> ReplanResult:
-        """Return the path to follow from here on, in a world that changed while another path was being followed.
+        """Return the path to follow from here, after a change of the world.
 
-        The rest of the path from where the robot is is kept while it is free and no other is known to be better by more
-        than ``min_gain``. Where it is blocked it is led around; failing that, the query is planned anew. The result
-        has ``kept`` and ``reason``; it is ``infeasible`` where the robot or the goal stands in an obstacle.
+        The rest of the current path is kept while it is free and no known path is better by more than ``min_gain``. A
+        blocked path is repaired; failing that, the query is planned anew. The result has ``kept`` and ``reason``; it is
+        ``infeasible`` if the robot or the goal is in an obstacle.
 
         Args:
-            start: where the robot is, shape (3,).
-            goal: configuration, shape (3,), or goals: the path's own end is kept as long as a path leads there.
-            path: being followed, or the whole of it.
+            start: the robot's configuration, shape (3,).
+            goal: configuration, shape (3,), or goals, of which the path's own is kept while it can be reached.
+            path: the path being followed, from its beginning or from here.
             time_limit: seconds to find a path.
-            min_gain: share of its cost by which another path must be better to take the place of one that is free.
-            improvement: seconds to go on bettering a path once there is one; another one still has to be better by
-                ``min_gain`` to replace one that is free.
-            escape: where the robot stands in an obstacle, begin with the shortest way out, along which it is never
-                deeper in it; otherwise the answer only says so.
-            speed: m/s: at cost c of its path the robot is c / ``speed`` s from now, certified clear of moving obstacles
-                then, up to their horizons (:mod:`.space_time`). Without it, and for cars, what they sweep is occupied.
+            min_gain: share of its cost by which another path must be better to replace a free one.
+            improvement: seconds for improving the path; to replace a free path, the improved one must be better by
+                ``min_gain`` too.
+            escape: if the robot is in an obstacle, begin with the shortest way out, along which it never gets deeper;
+                without it there is no path then.
+            speed: m/s; the robot reaches cost c of its path c / ``speed`` seconds from now, and is certified clear of
+                moving obstacles at that time, up to their horizons (:mod:`.space_time`). Without it, and for cars, the
+                regions that they sweep are occupied.
 
         Raises:
             ConfigurationError: start or goal is no configuration, or an option is out of range.
@@ -368,28 +369,27 @@ class LandmarkPlanner:
         on_progress: Callable[[int, int], None] | None = None,
         stop: Callable[[], bool] | None = None,
     ) -> list[PlanResult]:
-        """Return the answers to many queries, in their order; the roadmap is kept.
+        """Return the results of many queries, in their order; the roadmap is kept.
 
-        Without a roadmap, one is built first that spreads over all free space, as dense as the world asks for. Each
-        query is then answered on the roadmap as it is, in milliseconds, and changes nothing in it; several threads may
-        ask one planner at once. Only queries that the roadmap does not answer are planned by :meth:`plan`, one after
-        the other, which lets it grow. As long as no time limit cuts in, the answers depend on the seed and on what was
-        asked before, not on ``workers``.
+        Without a roadmap, one is first built over all free space, as dense as the world needs. Each query then takes
+        milliseconds and leaves the roadmap unchanged; several threads may call one planner at once. Queries for which
+        the roadmap has no path are planned by :meth:`plan`, one after the other, and let it grow. If no time limit is
+        reached, the results depend on the seed and on earlier queries, not on ``workers``.
 
-        The call takes n times the limit of a query at most. Half of that may go into building; what is not built by
-        then is built by later calls. Queries that there is no time left for are answered with ``timeout``.
+        The call takes at most n times the limit of a query. Half of that may go into building, which later calls
+        continue. Queries without time left end with ``timeout``.
 
         Args:
             starts: configurations (x, y, theta), shape (n, 3).
-            goals: as many; each may be a goal, or several of which the cheapest is reached, and is planned to then.
-            time_limit: seconds for each query, and, times n, for all of them with what is built for them.
-            workers: threads that answer queries; the compiled parts run side by side.
-            max_iterations: rounds of landmarks at most, for the queries that the roadmap does not answer.
-            bounds: prove a lower bound for each query, about a millisecond, where there is time to make that ready;
+            goals: one for each start: a configuration, a goal, or several goals, of which the cheapest is reached.
+            time_limit: seconds for each query; n times that for all of them and the building.
+            workers: threads; the compiled code runs in parallel.
+            max_iterations: rounds of landmarks at most, for queries planned by :meth:`plan`.
+            bounds: prove a lower bound for each query (about a millisecond each), if there is time to prepare for it;
                 else the straight distance is reported.
             on_progress: called in this thread with the number of queries answered and of all; 0 and all while the
                 roadmap is built.
-            stop: asked between steps whether to end early, as if the time were up.
+            stop: called between steps; planning ends early once it returns True, as if the time were up.
 
         Raises:
             ConfigurationError: a start or goal is not valid, their numbers differ, or an option is out of range.

@@ -44,7 +44,7 @@ class PlanResult(Shown):
     Attributes:
         status: ``solved``, ``timeout`` (no path within the limit) or ``infeasible`` (proven: there is none).
         path: the path if solved, every motion of it certified; a car's is a :class:`~trailmark.CurvePath`.
-        seed: what the planner was seeded with.
+        seed: the planner's seed.
         lower_bound: proven lower bound (metres) on the cost of any valid path; None if infeasible.
         first_cost: cost (metres) of the first path found, before it was shortened; None if there is none.
         min_clearance: smallest clearance (metres) found along the path, at its states and between them; the true one is
@@ -52,28 +52,26 @@ class PlanResult(Shown):
         landmarks: nodes of the roadmap.
         edges: edges of the roadmap that are not known to be blocked.
         history: (seconds, cost in metres) for each better path.
-        time: seconds: ``load`` (reading the world; filled in by who read it), ``build`` (checker, field and
+        time: seconds: ``load`` (reading the world; the shell fills it in), ``build`` (checker, field and
             relaxed problem), ``first_solution`` (from the call to the first path; None if there is none),
             ``total`` (the whole call).
         nearest: without a path, the certified path from the start that ends nearest to the goal, if one was found.
-        clearance: metres that the whole path is certified to keep: what the planner was asked for, or less if that may
-            be relaxed.
-        clearance_bound: if it may be: no path keeps more, metres, which is proven; else None.
-        goal: which of its goals the path ends at, where there were goals (:class:`~trailmark.Goal`); else None.
+        clearance: certified clearance of the whole path, metres: the planner's, or less with ``relax``.
+        clearance_bound: with ``relax``, a proven upper bound on the clearance of any path, metres; else None.
+        goal: the goal at which the path ends, if goals (:class:`~trailmark.Goal`) were given; else None.
         charged: the path's cost under the objective; None if there is no path, or if that is its length (:attr:`cost`).
         cost_error: bound on the error of ``charged``; 0 where it is exact but for rounding.
-        objective: that was planned for; None for a plain length.
-        world: what was planned in; results compare without it, and without what follows.
-        robot: what was planned for.
+        objective: the objective; None for a plain length.
+        world: the world; results compare without it, and without the next three.
+        robot: the robot.
         start: configuration (x, y, theta).
-        target: where it was to go: a configuration, or goals.
-        escape: motions between the path's first states that only lead out of an obstacle, or of keep-out zones, that
-            the robot stands in: they are not free, and nowhere along them is it deeper in it than before. On the way
-            out of an obstacle one-way zones are left aside.
-        legs: of a path through several places, the answer to each leg's query, the last one's without a path if there
-            is none; else empty.
-        reason: why there is no path: which end is at fault and what it overlaps by how much, where the robot is shut in
-            and how wide the widest way is, or what ended the search, as far as there was time to tell; empty if solved.
+        target: the goal that was given: a configuration, or goals.
+        escape: number of motions at the path's beginning that lead the robot out of the obstacle or the keep-out zones
+            in which it starts. They are not free, but along them the robot never gets deeper. One-way zones do not
+            count on the way out of an obstacle.
+        legs: for a path through via points, the result of each leg; the last has no path if none was found. Else empty.
+        reason: why there is no path: an end in collision, with what and how deep; where the robot is enclosed, and the
+            width of the widest passage; or what ended the search. Empty if solved.
     """
 
     status: Status
@@ -120,7 +118,7 @@ class PlanResult(Shown):
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return what ``plan --json`` says of it as a leg of a longer path."""
+        """Return the record of a leg that ``plan --json`` prints."""
         end = None if self.path is None else self.path.states[-1].tolist()
         return {"status": self.status, "to": end, "cost": self.cost, "lower_bound": self.lower_bound}
 
@@ -168,11 +166,11 @@ class PlanResult(Shown):
 
 @dataclass(frozen=True, repr=False)
 class ReplanResult(PlanResult):
-    """The answer to a query for which there was a path.
+    """The result of replanning a path that is being followed.
 
     Attributes:
-        kept: whether the path is the rest of the one that was given.
-        reason: why it was kept or replaced, or why there is none.
+        kept: whether the path is the rest of the given one.
+        reason: why the path was kept or replaced, or why there is none.
     """
 
     kept: bool = False
@@ -180,17 +178,17 @@ class ReplanResult(PlanResult):
 
 @dataclass(frozen=True)
 class Update:
-    """What a change of the world changed in a planner.
+    """How a change of the world changed a planner.
 
     Attributes:
         changes: obstacles that were added, removed, moved or refined; of a grid map, cells that differ.
-        checked: edges of the roadmap that were looked at again.
+        checked: edges of the roadmap that were checked again.
         gained: of those, edges that are certified now and were not before.
-        lost: of those, edges that are certified no more, those of landmarks that were dropped included.
-        landmarks_dropped: landmarks that are valid no more.
-        landmarks_retracted: of those, landmarks that came back beside the obstacle.
+        lost: of those, edges that are no longer certified, edges of dropped landmarks included.
+        landmarks_dropped: landmarks that are no longer valid.
+        landmarks_retracted: of those, landmarks that were moved beside the obstacle.
         landmarks_added: landmarks in freed space.
-        seconds: that all this took.
+        seconds: time of the update.
     """
 
     changes: int = 0

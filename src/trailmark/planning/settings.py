@@ -32,7 +32,7 @@ without, and parts of stages."""
 
 Placement = Literal["k-means", "samples", "paper", "none"]
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
-"""What landmarks are: K-means centres of samples, as many plain samples, those of the source method as published
+"""Kinds of landmarks: K-means centres of samples, as many plain samples, those of the source method as published
 (:mod:`trailmark.planning.placement`), or none at all."""
 
 
@@ -52,26 +52,26 @@ class PlannerSettings:
         first_landmarks: landmarks of the first round; enough to cross a room with furniture.
         landmark_growth: each round places so many times the landmarks of the one before, >= 1.
         samples_per_landmark: samples that are clustered for each landmark.
-        max_kept_nodes: nodes up to which the planner's own roadmap takes in what queries bring that it might answer
-            without; the memory of a planner that answers for hours stays bounded by it.
-        max_query_nodes: nodes that the rounds of one query place before they begin anew in an empty roadmap; else a
-            query that cannot be answered would take memory as long as it has time.
+        max_kept_nodes: size of the planner's own roadmap above which it no longer takes nodes from queries that it can
+            answer without them; bounds the memory of a planner that runs for hours.
+        max_query_nodes: nodes that the rounds of one query place before they begin anew in an empty roadmap; bounds the
+            memory of a query without a path.
         sweeps: sweeps of shortening at most, for a promising path.
         first_sweeps: sweeps that show whether a path is promising.
         polishing_sweeps: sweeps with added vertices that the best path gets in each round of improvement.
         patience: rounds of improvement in a row that gain less than ``least_gain``, after which a path is settled.
         least_gain: share of the cost that a round has to gain to count as one that helped.
-        probes: random queries that tell whether a roadmap over all free space is dense enough.
-        max_spread_landmarks: landmarks over all free space up to which they are doubled.
+        probes: random queries that test whether a roadmap over all free space is dense enough.
+        max_spread_landmarks: number up to which landmarks over all free space are doubled.
         build_share: share of the time limit that spreading landmarks over all free space may take.
         last_proof_share: share of the time left that a proof may be expected to take once little else is left to do.
-        drives: configurations that a car's drives from one part of its roadmap reach at first.
-        space_time_directions: in which the robot may give way to moving obstacles.
-        space_time_step: what it moves in one of them at a time, as a share of the reach of the robot and of half the
-            width of the smallest moving obstacle together: about what takes it out of the other's way.
-        space_time_nodes: places and times from which it is looked on, at most.
-        placement: what landmarks are, one of :data:`PLACEMENTS`.
-        without: names of :data:`STAGES` that are left out, to see what each is good for.
+        drives: configurations in the first hybrid A* search from one part of a car's roadmap.
+        space_time_directions: directions in which the robot may give way to moving obstacles.
+        space_time_step: length of one such step, as a share of the robot's reach plus half the width of the smallest
+            moving obstacle, which is about the distance that lets the obstacle pass.
+        space_time_nodes: expanded nodes (place and time) at most.
+        placement: kind of landmarks, one of :data:`PLACEMENTS`.
+        without: names of :data:`STAGES` that are left out, for ablations.
     """
 
     first_landmarks: int = _count(120)

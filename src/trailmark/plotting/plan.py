@@ -245,7 +245,7 @@ def plan_facts(result: PlanResult, robot: Robot) -> str:
             # Not the sum of length and turning alone.
             facts = f"cost {result.cost:.4g}, {path.length:.4g} m, {path.rotation:.3g} rad"
         if isinstance(path, CurvePath):
-            facts = f"{path.length:.4g} m, {path.cusps} changes of direction"
+            facts = f"{path.length:.4g} m, {path.cusps} change{'' if path.cusps == 1 else 's'} of direction"
         return f"{facts} · {seconds} · {robot.describe()}"
     why = "no path exists (proven)" if result.status == "infeasible" else f"no path found in {seconds}"
     return f"{why} · {robot.describe()}"

@@ -38,4 +38,5 @@ def find_world(name_or_path: str | Path) -> Path:
     if str(name_or_path) in shipped:
         return shipped[str(name_or_path)]
     what = "a folder, not a file" if folder else "no such file or shipped world"
-    raise FormatError(name_or_path, f"{what}; {expected_name(path.stem, shipped)}")
+    given = path.name if path.stem in shipped else path.stem
+    raise FormatError(name_or_path, f"{what}; {expected_name(given, shipped)}")

@@ -24,10 +24,10 @@ class Moving:
     Attributes:
         shape: where it is now.
         velocity: vx, vy in metres per second.
-        until: seconds from now up to which it is foreseen, above 0.
-        swept: the region that it covers at any time from 0 to ``until``, which is the obstacle to whoever knows no
-            time. Exact (to rounding) for rectangles and polygons; of a disc, a polygon that contains it and reaches
-            at most :data:`DISC_ERROR` of the radius beyond.
+        until: horizon of the prediction, seconds from now, above 0.
+        swept: the region that it covers from now to ``until``, for planning without time. Exact (to rounding) for
+            rectangles and polygons; for a disc, a polygon that contains it and reaches at most :data:`DISC_ERROR` of
+            the radius beyond.
 
     Raises:
         WorldError: a shape of another kind, a velocity that is not two finite numbers, a horizon that is not a finite

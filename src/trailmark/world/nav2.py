@@ -1,4 +1,4 @@
-"""What nav2's own parameter file says of a robot and of how to plan for it."""
+"""A robot and planning options from nav2's own parameter file."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ __all__ = ["Nav2Parameters"]
 
 @dataclass(frozen=True)
 class Nav2Parameters:
-    """A robot and how to plan for it, as nav2 is told.
+    """A robot and planning options, as nav2 has them.
 
     Attributes:
         robot: footprint and drive; its clearance is nav2's ``footprint_padding``.
-        tolerance: metres that a path may end beside the goal's position; 0 where nothing is said.
-        unknown: what unknown cells are (:meth:`trailmark.World.load`); None where nothing is said.
-        taken: each parameter that was taken, with its place and value.
+        tolerance: distance from the goal at which a path may end, metres; 0 if the file does not say.
+        unknown: how unknown cells count (:meth:`trailmark.World.load`); None if the file does not say.
+        taken: each parameter that was used, with its place and value.
     """
 
     robot: Robot

@@ -53,28 +53,25 @@ class World(Shown):
     """A planar world: free space lies inside ``bounds`` and ``boundary`` and outside all obstacles.
 
     Attributes:
-        name: what reports call it.
+        name: its name in reports.
         bounds: xmin, ymin, xmax, ymax in metres; no part of the robot may leave it.
-        obstacles: discs, rectangles and polygons, which may overlap; geometries of shapely become polygons; those of a
-            grid map are a sequence that makes its polygons when it is first asked for one. One that
-            is given as :class:`Moving` becomes the region that it sweeps, so that who knows no time avoids it at any.
+        obstacles: discs, rectangles and polygons, which may overlap; geometries of shapely become polygons. A grid
+            map's are a sequence that makes its polygons on first access. A :class:`Moving` obstacle becomes the region
+            that it sweeps.
         robot: the robot to plan for, if the file names one.
         boundary: optional simple polygon, also not left by any part of the robot.
         queries: named planning problems.
-        estimates: one for each obstacle, None where the obstacle is known exactly; empty if all are.
-        risk: what the obstacles with estimates are grown for; None if they stand as they were measured.
-        ids: one for each obstacle, unique texts, None where it has none; empty if none has. An obstacle without one is
-            spoken of by its index.
-        moving: one for each obstacle, None where it stands; empty if all do.
-        zones: where a path costs more or less, must not lead, has one direction or a speed limit
-            (:mod:`trailmark.world.zones`).
-        not_certified: why its estimates are not to be relied on (``trailmark map`` says it of a log whose features or
-            places cannot be told apart); None if nothing speaks against them.
-        unknown: regions of which a map says nothing, drawn as such; obstacles and zones say what they are to a robot.
-            Worlds compare without them, and world files do not keep them.
-        notes: what looks odd in the files that it was read from, each a sentence; the shell tells of it.
-        sources: the files that it was read from, absolute, which nothing that is written may replace. Worlds compare
-            without them.
+        estimates: one for each obstacle, None for an obstacle that is known exactly; empty if all are.
+        risk: the confidence for which obstacles with estimates are grown; None if they are not grown.
+        ids: one for each obstacle, a unique text or None; empty if no obstacle has one. Messages name an obstacle
+            without one by its index.
+        moving: one for each obstacle, None for a static one; empty if all are static.
+        zones: cost, keep-out, one-way and speed zones (:mod:`trailmark.world.zones`).
+        not_certified: why the estimates are unreliable (:func:`trailmark.estimation.map_log`); None if they are not.
+        unknown: unknown regions of a map, for pictures; for planning they are obstacles or zones. Worlds compare
+            without them, and world files do not keep them.
+        notes: sentences about oddities in the files that the world was read from; the shell prints them.
+        sources: absolute paths of these files, which no output may overwrite. Worlds compare without them.
 
     Raises:
         WorldError: empty or infinite bounds, two queries or obstacles of the same name, a boundary with holes, another
@@ -185,7 +182,7 @@ class World(Shown):
                 and cells that a masked array masks.
             resolution: side of a cell, metres.
             origin: x, y of cell (0, 0)'s outer corner and, if given, the yaw by which the grid is turned about it.
-            name: what reports call it.
+            name: its name in reports.
 
         Raises:
             WorldError: an array of another shape or kind, a resolution that is not above 0, or too many cells.
@@ -225,7 +222,7 @@ class World(Shown):
         Args:
             geometries: one or more.
             bounds: xmin, ymin, xmax, ymax in metres; by default the box around the obstacles.
-            name: what reports call it.
+            name: its name in reports.
             zones: of the world; their regions may be geometries, too.
 
         Raises:
