@@ -20,7 +20,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import shapely
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 
 from trailmark import Rectangle, World
 
@@ -147,7 +147,7 @@ rclpy.shutdown()
 
 # %%
 # The picture, as RViz shows it.
-figure, axes = plt.subplots(figsize=(9, 6.2), layout="constrained")
+figure, axes = plt.subplots(figsize=(9, 6.2), layout="constrained", subplot_kw={"xlabel": "x [m]", "ylabel": "y [m]"})
 axes.imshow(100 - occupied, cmap="gray", vmin=-15, vmax=112, extent=(x0, x1, y0, y1), origin="lower")
 
 
@@ -163,11 +163,9 @@ points = [(point.x, point.y) for point in heard["landmarks"].markers[0].points]
 axes.plot(*np.transpose(points), ".", ms=4, color="#9c4a79", label="landmarks")
 axes.plot(*np.transpose(first), "--", lw=1.2, color="#55585f", label="plan before the pallets")
 axes.plot(*np.transpose(positions), lw=1.8, color="#0072b2", label="plan")
-for pallet in pallets:
-    axes.fill(*pallet.T, color="#e69f00", label="obstacles" if pallet is pallets[0] else None)
+axes.add_collection(PolyCollection(pallets, color="#e69f00", label="obstacles"))
 for at, mark, colour, label in ((0, "o", "#009e73", "start"), (-1, "s", "#d55e00", "goal")):
     axes.plot(*positions[at], mark, ms=7, mec="white", color=colour, ls="none", label=label)
-axes.set(xlabel="x [m]", ylabel="y [m]")
 figure.legend(loc="outside upper center", ncols=4, frameon=False)
 if len(sys.argv) > 1:
     figure.savefig(sys.argv[1], dpi=100)
