@@ -94,13 +94,14 @@ def plan_explained(
     """
     with model.shared.lock:
         relax = relax and model.checker.robot.clearance > 0.0
-        state, checker = se2.configurations(start, name="start", by_hand=True), model.checker
-        if state.ndim == 1 and not checker.valid(state) and not zones_at(checker, state):
+        state = se2.configurations(start, name="start", by_hand=True)
+        if state.ndim == 1 and not model.checker.valid(state):
             # A relaxed clearance may be what the start lacks.
-            checker = model.keeping(0.0).checker if relax else checker
-            if not relax or not checker.valid(state):
+            bare = model.keeping(0.0) if relax else model
+            zones = zones_at(bare.checker, state)
+            if not (bare.without(zones) if zones else bare).checker.valid(state):
                 how = {"relax": relax, "on_progress": None if on_progress is None else without_paths(on_progress)}
-                return _plan_out_of_obstacle(model, checker, state, goal, budget, escape, **how)
+                return _plan_out_of_obstacle(model, bare.checker, state, goal, budget, escape, **how)
         if relax:
             return _plan_relaxed(model, start, goal, budget, on_progress)
         return _explained(model, start, goal, plan_any(model, start, goal, budget, on_progress=on_progress), budget)

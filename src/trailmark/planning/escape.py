@@ -223,8 +223,8 @@ class _Search:
 
 def _rises(depths: FloatArray) -> NDArray[np.bool_]:
     """Return where any of some depths (m, n) is more than before, shape (n - 1,)."""
-    rises: NDArray[np.bool_] = (depths[:, 1:] > np.minimum.accumulate(depths, axis=1)[:, :-1] + DEEPER).any(axis=0)
-    return rises
+    rises = depths[:, 1:] > np.minimum.accumulate(depths, axis=1)[:, :-1] + DEEPER
+    return np.asarray(rises.any(axis=0))
 
 
 def _first(flags: ArrayLike) -> int:

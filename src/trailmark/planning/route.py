@@ -68,9 +68,9 @@ def plan_on_route(
     robot, motion, ends = model.checker.robot, model.motion, model.valid_pair(start, goal)
     if robot.turning_radius is not None:
         raise ConfigurationError(f"route graph: expected a robot that turns in place, got {robot.describe()}")
-    xy, name = Annotated[ArrayLike, shaped(2)], "route graph: node {}: position"
-    nodes = graph.nodes(data="position")
-    at = {node: checked(q, xy, name.format(brief(node)), ConfigurationError) for node, q in nodes}
+    xy, where = Annotated[ArrayLike, shaped(2)], "route graph: node {}: position"
+    placed = graph.nodes(data="position")
+    at = {node: checked(q, xy, where.format(brief(node)), ConfigurationError) for node, q in placed}
     every = enumerate(graph.edges(data=True))
     edges = [(a, b, each.get("id", i)) for i, (a, b, each) in every if (at[a] != at[b]).any()]
     if not edges:

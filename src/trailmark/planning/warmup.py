@@ -249,10 +249,12 @@ def _certify(kind: Kind, objective: str) -> None:
 def _drive(kind: Kind, objective: str) -> None:
     """Search for a car's path by hybrid A*: which queries need it nobody knows beforehand."""
     from trailmark.planning.planner import LandmarkPlanner
+    from trailmark.search.cost_to_go import CostToGo
     from trailmark.search.hybrid_astar import hybrid_astar
 
     world, (start, goal) = SMALL
     planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
+    CostToGo.of(planner.checker, start, 1000)  # several goals are ranked by it
     hybrid_astar(
         planner.motion,
         planner.relaxation,

@@ -10,7 +10,19 @@ import shapely
 from tests.helpers.trials import few, trials
 from tests.helpers.worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, PlannerSettings, Polygon, Rectangle, Robot, StateChecker, World
+from trailmark import (
+    ConfigurationError,
+    Disc,
+    KeepOutZone,
+    LandmarkPlanner,
+    Path,
+    PlannerSettings,
+    Polygon,
+    Rectangle,
+    Robot,
+    StateChecker,
+    World,
+)
 from trailmark.motion import motion_of
 from trailmark.penetration import Penetration
 from trailmark.planning.escape import way_out
@@ -113,6 +125,24 @@ def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reve
             assert depths.max() <= depths[0] + 1e-4
             met += 1
     assert met > few(20)
+
+
+@pytest.mark.parametrize("drive", ["omnidirectional", "differential"])
+def test_a_start_in_an_obstacle_and_a_keep_out_zone_leads_out_of_both(drive: str) -> None:
+    zone = KeepOutZone(Rectangle((5.0, 5.0), 2.0, 2.0).polygon())
+    world = World("both", (0.0, 0.0, 10.0, 10.0), (Rectangle((6.2, 5.0), 1.0, 1.0),), zones=(zone,))
+    robot = Robot.disc(0.3) if drive == "omnidirectional" else Robot.rectangle(0.6, 0.4).differential(reverse=True)
+    planner = LandmarkPlanner(world, robot, seed=0)
+    start, goal = (5.5, 5.0, 0.0), (1.0, 1.0, 0.0)
+    with pytest.raises(ConfigurationError, match="the way out is"):
+        planner.plan(start, goal)
+    result = planner.plan(start, goal, 5.0, escape=True)
+    assert result.status == "solved"
+    assert result.path is not None
+    out = result.path.states[result.escape :]
+    bodies = [Polygon(transform(q, robot.outline.vertices)).shapely() for q in Path(out).resample(0.05).states]
+    blocked = shapely.union(zone.region.shapely(), world.obstacles[0].polygon().shapely())
+    assert max(shapely.intersection(body, blocked).area for body in bodies) < 1e-5
 
 
 @pytest.mark.parametrize("name", ["disc", "rectangle", "car"])
