@@ -19,10 +19,10 @@ PARTS = {
     "trailmark.collision": "Is a configuration free, how far is it from the obstacles, is a motion free?",
     "trailmark.curves": "Dubins and Reeds-Shepp curves.",
     "trailmark.estimation": "Filters, SLAM, scans, maps, risk, simulation and logs.",
-    "trailmark.exploration": "A robot without a map makes one.",
+    "trailmark.exploration": "A robot explores and maps an unknown world.",
     "trailmark.formats": "Files that are read and written.",
     "trailmark.landmarks": "Samples, K-means, the relaxed problem; the published method.",
-    "trailmark.shown": "What pictures show.",
+    "trailmark.shown": "Layers of pictures.",
     "trailmark.motion": "Kinds of motion, all certified.",
     "trailmark.ompl_bridge": "trailmark's parts inside OMPL.",
     "trailmark.planning": "The planner and its settings.",
@@ -30,9 +30,9 @@ PARTS = {
     "trailmark.roadmap": "Landmarks, edges, and the search among them.",
     "trailmark.se2": "Configurations of the plane.",
     "trailmark.shapes": "Discs, rectangles and polygons.",
-    "trailmark.world": "How well obstacles are known; the worlds that are shipped.",
-    "trailmark.trajectories": "Smooth paths, and when a robot is where.",
-    "trailmark.errors": "What is raised.",
+    "trailmark.world": "Estimates of obstacles and their risk; the shipped worlds.",
+    "trailmark.trajectories": "Smooth paths and timed trajectories.",
+    "trailmark.errors": "Exceptions.",
 }
 """What the reference has pages of. The other modules are parts of these, and may change."""
 
@@ -105,7 +105,7 @@ def write_commands(page: Path) -> None:
     from trailmark.cli import app
 
     names = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # it is a group
-    lines = ["# Commands", "", "What `trailmark COMMAND --help` says.", ""]
+    lines = ["# Commands", "", "The help of each command, `trailmark COMMAND --help`.", ""]
     for name in sorted(names):
         told = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}).output
         lines += [f"## {name}", "", "```text", told.strip(), "```", ""]
