@@ -15,23 +15,23 @@ if TYPE_CHECKING:
 
 PARTS = {
     "trailmark": "The names that most programs need.",
-    "trailmark.world": "How well obstacles are known; the worlds that are shipped.",
+    "trailmark.world": "Estimates of obstacles and their risk; the shipped worlds.",
     "trailmark.shapes": "Discs, rectangles and polygons.",
     "trailmark.se2": "Configurations of the plane.",
     "trailmark.planning": "The planner and its settings.",
-    "trailmark.trajectories": "Smooth paths, and when a robot is where.",
+    "trailmark.trajectories": "Smooth paths and timed trajectories.",
     "trailmark.verify": "Is anybody's path free?",
     "trailmark.plotting": "Pictures, by matplotlib.",
-    "trailmark.shown": "What pictures show.",
+    "trailmark.shown": "Layers of pictures.",
     "trailmark.formats": "Files that are read and written.",
-    "trailmark.errors": "What is raised.",
+    "trailmark.errors": "Exceptions.",
     "trailmark.collision": "Is a configuration free, how far is it from the obstacles, is a motion free?",
     "trailmark.motion": "Kinds of motion, all certified.",
     "trailmark.curves": "Dubins and Reeds-Shepp curves.",
     "trailmark.landmarks": "Samples, K-means, the relaxed problem; the published method.",
     "trailmark.roadmap": "Landmarks, edges, and the search among them.",
     "trailmark.estimation": "Filters, SLAM, scans, maps, risk, simulation and logs.",
-    "trailmark.exploration": "A robot without a map makes one.",
+    "trailmark.exploration": "A robot explores and maps an unknown world.",
     "trailmark.ompl_bridge": "trailmark's parts inside OMPL.",
 }
 """What the reference has pages of, as one meets them. The other modules are parts of these, and may change."""
@@ -124,7 +124,7 @@ def write_commands(page: Path) -> None:
     from trailmark.cli import app
 
     names = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # it is a group
-    lines = ["# Commands", "", "What `trailmark COMMAND --help` says.", ""]
+    lines = ["# Commands", "", "The help of each command, `trailmark COMMAND --help`.", ""]
     for name in sorted(names):
         told = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}).output
         lines += [f"## {name}", "", "```text", told.strip(), "```", ""]

@@ -2,8 +2,8 @@
 =====================================
 
 In one command: the map of a warehouse as a latched topic, ``trailmark ros`` in a process of its own, and a client that
-sends goals as RViz does and drops pallets in the robot's way. The picture is drawn from the messages that come back. On a
-machine's first use run ``trailmark warmup`` before.
+sends goals as RViz does and drops pallets in the robot's way. The picture is drawn from the messages that come back.
+On a machine's first use run ``trailmark warmup`` before.
 
 ``python examples/ros2_planner.py [PICTURE.png]``, with your ROS 2 sourced or ``pip install 'trailmark[ros2]'``.
 """

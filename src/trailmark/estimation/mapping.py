@@ -421,7 +421,7 @@ def _notes(
 
 
 def gap_warnings(records: Sequence[Record]) -> list[str]:
-    """Return that odometry is silent far longer than it mostly is, from where on, and what is made of that."""
+    """Return warnings of gaps in odometry, with their times."""
     moves = [record for record in records if isinstance(record, Odometry | Increment)]
     t = np.array([record.t for record in moves])
     read = [record.t for record in records if isinstance(record, Detection | Scan)]
@@ -464,7 +464,7 @@ def log_warnings(records: Sequence[Record], detected: bool) -> list[str]:
 
 
 def revisit_warnings(matched: ScanPoses) -> list[str]:
-    """Return that what was seen of places on later visits contradicts what had been seen there."""
+    """Return a warning if later visits to places contradict the map from earlier ones."""
     found = matched.revisits
     if found is None or found.off is None or found.worst is None or found.off <= MAX_OFF:
         return []
@@ -532,7 +532,7 @@ def association_doubts(result: SlamResult, estimates: Sequence[ObstacleEstimate]
 
 
 def detection_warnings(run: SlamRun, poses: str) -> list[str]:
-    """Return what looks wrong with a map of detections, and what to try."""
+    """Return warnings about a map of detections, and what to try."""
     found, counts, nis, batch = list[str](), run.result.counts, run.result.nis(), run.batch
     if run.failure is not None:
         found.append(f"no batch fits the log ({run.failure}): the map is the filter's")

@@ -60,9 +60,9 @@ class Unicycle(MotionModel):
 
         Var w_v = σ_v² + α₁·v² + α₂·ω²,   Var w_ω = σ_ω² + α₃·v² + α₄·ω².
 
-    With ``period`` None they hold for each step whatever its length: what two half steps add up to is then less
-    than what the whole one has. With a period they are the variances of a mean over that time, and a step of dt has
-    them times period/dt: what an interval adds to the pose no longer depends on how a log or a reading cuts it up.
+    With ``period`` None they hold for each step, whatever its length, so that two half steps add less than a whole one.
+    With a period they are the variances of a mean over that time, and a step of dt has them times period/dt: then the
+    noise of an interval does not depend on how it is divided into steps.
 
     Attributes:
         sigma_v: σ_v, m/s, >= 0.

@@ -106,8 +106,8 @@ def first_pose(records: Sequence[Record]) -> tuple[float, float, float] | None:
 def with_own_times(log: Log) -> Log:
     """Return the log with times that tell its records apart, where its clock is too coarse to do so.
 
-    A clock is too coarse where different motions with readings between them have the same stamp: what is read at one
-    stamp would be taken for read at one place, and a velocity that holds for no time for no motion. Such records are
+    A clock is too coarse where different motions with readings between them have the same stamp: their readings would
+    count as made at one place, and a velocity that holds for no time as no motion. Such records are
     spread evenly over the time until the next stamp, in their order in the log. Records that are merely written twice,
     and logs of which the order of the records is all that is used (increments and scans), stay as they are.
     """

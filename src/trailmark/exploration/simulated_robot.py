@@ -38,7 +38,7 @@ APART = 0.05
 
 
 class DriveReport(NamedTuple):
-    """What became of a command to drive, as the robot itself knows it."""
+    """The result of a command to drive, as the robot itself knows it."""
 
     distance: float
     """Metres that it drove, by its odometry."""
@@ -88,19 +88,19 @@ def disc_detector(max_range: Positive) -> Detector:
 class SimulatedRobot:
     """An :class:`trailmark.exploration.simulated_robot.ExploringRobot` in a hidden world.
 
-    It drives what it is told to, with errors, and its odometry says what it was told to: the truth is the recorded step
-    with noise added, as the filters assume, and now and then a step of which a part is lost (the wheels slip). What it
-    runs into is found in the true world with the true footprint, for each small true motion as a whole
-    (:class:`trailmark.collision.StateChecker`); it then stops at the last free place.
+    Its odometry records the commanded steps; the true steps have noise added, as the filters assume, and now and then a
+    part of a step is lost (the wheels slip). Collisions are found in the true world with the true footprint, for each
+    small true motion as a whole (:class:`trailmark.collision.StateChecker`); the robot then stops at the last free
+    place.
 
     Args:
-        world: what is hidden. Its zones mean nothing to a simulator.
-        robot: footprint; the clearance that it is to keep is not part of it.
-        start: where it is at time 0, shape (3,).
-        sensor: a laser, or a detector of discs. Its ``period`` is not used: it reads whenever it is asked.
+        world: the hidden world; its zones are ignored.
+        robot: footprint; its clearance is ignored.
+        start: pose at time 0, shape (3,).
+        sensor: a laser, or a detector of discs. Its ``period`` is not used: each call of :meth:`sense` is a reading.
         odometry: noise of a step.
-        slip: chance that a part of a step of 0.1 s is lost, evenly from none to all of it. Its variance is part of what
-            the records state.
+        slip: probability that a part of a step of 0.1 s is lost, uniformly from none to all of it. The recorded
+            covariances include it.
         speed: metres per second.
         turn_rate: radians per second.
         seed: of all noise.
@@ -111,7 +111,7 @@ class SimulatedRobot:
         robot: as given, without a clearance.
         sensor: as given, with the noise that there is; a hundredth of what was given where there is less.
         time: seconds since the start.
-        pose: where it truly is, shape (3,).
+        pose: true pose, shape (3,).
         collisions: times that it met something; standing in contact, or one contact after the other without having been
             free in between, counts once.
 
