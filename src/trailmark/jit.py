@@ -212,7 +212,7 @@ class _Compiling(event.Listener):
             self._begun, self._said = now, False
         self._last = now
         if not self._said and now - self._begun > REPORT_AFTER:
-            line = f"compiling the kernels for {self.uses[-1] if self.uses else module}: up to a minute or two"
+            line = f"compiling the kernels{f' for {self.uses[-1]}' if self.uses else ''}: up to a minute or two"
             if not self._said_before:
                 line += ", once on this machine ('trailmark warmup' compiles all of them)"
             self._said = self._said_before = True
