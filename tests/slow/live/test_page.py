@@ -12,7 +12,7 @@ import pytest
 import shapely
 from PIL import Image
 from tests.helpers.chromium import Browser
-from tests.live.conftest import serving
+from tests.slow.live.conftest import serving
 
 from trailmark import World, check_path
 
