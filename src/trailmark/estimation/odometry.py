@@ -108,7 +108,10 @@ def missing_odometry(log: Log) -> BoolArray:
         whole = way[i] / gap >= WHOLE * speed > 0.0
         if not (late or whole):
             lacking[1:] |= (scans[1:] > begin) & (scans[:-1] < end)
-    # Velocities hold until others come, the last ones too.
+    # A robot that moves where odometry begins did so before, unknown how. Velocities hold until others come, the last
+    # ones too.
+    if any(any(record[1:4]) for record in moves[: AROUND + 1]):
+        lacking[1:] |= scans[:-1] < t[0] - max(SILENT, LONG * usual)
     if isinstance(moves[-1], Odometry) and (moves[-1].v or moves[-1].omega):
         lacking |= scans > t[-1] + max(SILENT, LONG * usual)
     return lacking

@@ -139,3 +139,14 @@ def test_odometry_is_missing_where_it_is_silent(
     records += [Odometry(6.0, 0.0, 0.0)] if velocities else []
     records = sorted([*records, *(bare(float(t)) for t in range(6))], key=lambda record: record.t)
     assert np.flatnonzero(missing_odometry(log(records))).tolist() == expected
+
+
+@pytest.mark.parametrize("velocities", [True, False])
+@pytest.mark.parametrize("speed", [0.5, 0.0])
+def test_odometry_is_missing_before_it_begins_unless_the_robot_stands(velocities: bool, speed: float) -> None:
+    records: list[Record] = [bare(float(t)) for t in range(6)]
+    times = np.arange(2.5, 6.0, 0.1).tolist()
+    records += [Odometry(t, speed, 0.0) if velocities else Increment(t, 0.1 * speed, 0.0, 0.0) for t in times]
+    records = sorted([*records, Odometry(6.0, 0.0, 0.0)] if velocities else records, key=lambda record: record.t)
+    expected = [1, 2, 3] if speed else [] if velocities else [1, 2]  # no increments among many say nothing
+    assert np.flatnonzero(missing_odometry(log(records))).tolist() == expected
