@@ -10,7 +10,6 @@ from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from trailmark import se2
 from trailmark.errors import ConfigurationError
@@ -272,6 +271,8 @@ def spread_landmarks(
 
 def _spread(roadmap: Roadmap, count: int, rng: np.random.Generator, settings: PlannerSettings) -> None:
     """Add one part of landmarks."""
+    from scipy.spatial import cKDTree  # here, since most plans need none of it
+
     checker, radius = roadmap.checker, roadmap.motion.radius
     wanted = settings.samples_per_landmark * count
     samples = free_samples(checker, DRAWN * wanted if len(roadmap) else wanted, method="halton", random_state=rng)

@@ -13,7 +13,6 @@ from math import hypot
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
 from trailmark.jit import callee, njit
@@ -54,6 +53,8 @@ def grid_separates(relaxation: Relaxation, to_goal: CostMap, start: FloatArray, 
         start: valid, shape (3,).
         goal: valid, shape (3,).
     """
+    from scipy.ndimage import binary_dilation  # here, since most plans need none of it
+
     checker = relaxation.checker
     separation = Separation(checker.world, checker.robot.inscribed_disc.radius, checker.grid)
     component = np.isfinite(to_goal.cost)
