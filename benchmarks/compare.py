@@ -59,7 +59,8 @@ def _claim(name: str, problems: Sequence[Any]) -> Claim:
 
 def _ratio(pairs: Sequence[tuple[Any, Any]]) -> str:
     """Return the geometric mean over problems of the ratio of medians, with a 95 % bootstrap interval."""
-    medians = [[float(np.nanmedian(np.where(np.isfinite(each), each, np.nan))) for each in pair] for pair in pairs]
+    both = [[np.asarray(each)[np.isfinite(each)] for each in pair] for pair in pairs]
+    medians = [(float(np.median(a)), float(np.median(b))) for a, b in both if len(a) and len(b)]
     logs = np.array([np.log(a / b) for a, b in medians if a > 0.0 and b > 0.0])
     if len(logs) == 0:
         return "none"

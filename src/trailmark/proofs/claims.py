@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from trailmark.collision.field import distance_transform
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
 from trailmark.jit import callee, njit
 from trailmark.landmarks.relaxation import CostMap, Relaxation
@@ -53,15 +54,14 @@ def grid_separates(relaxation: Relaxation, to_goal: CostMap, start: FloatArray, 
         start: valid, shape (3,).
         goal: valid, shape (3,).
     """
-    from scipy.ndimage import binary_dilation  # here, since most plans need none of it
-
     checker = relaxation.checker
     separation = Separation(checker.world, checker.robot.inscribed_disc.radius, checker.grid)
     component = np.isfinite(to_goal.cost)
     first, last = (int(relaxation.cells(relaxation.disc_centers(q))) for q in (start, goal))
     if component.ravel()[first] or not component.ravel()[last]:
         return False
-    around = np.flatnonzero(binary_dilation(component, np.ones((3, 3), np.bool_)) & ~component)
+    # The eight neighbours of a cell are no farther than the root of two; the next cells are two away.
+    around = np.flatnonzero((distance_transform(component, 1.0) < 1.5) & ~component)
     half = 0.5 * relaxation.size * (1.0 + 1e-9) + 1e-8
     return _block(separation, checker.world, relaxation.cell_centers(around), half)
 
