@@ -16,7 +16,7 @@ from tests.helpers.trials import few
 from tests.helpers.worlds import ROBOTS, box
 from tests.properties.cases import DRIVES, Case, cases, driven, longest_step, motions
 
-from trailmark import World, se2
+from trailmark import Robot, World, se2
 from trailmark.collision import StateChecker, kernels
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.motion.pointwise import PointwiseChecker
@@ -150,6 +150,26 @@ def test_no_needle_is_small_enough_to_be_missed(
     if checker.valid(a) and checker.valid(b) and drive != "differential" and robot.drive != "differential":
         steering = motion.steering if isinstance(motion, CurveMotion) else None
         assert not PointwiseChecker(checker, steering).motion_valid(a, b)
+
+
+@pytest.mark.parametrize("share", [0.06, 0.14, 0.3, 0.7, 0.82, 0.9, 0.98])
+@pytest.mark.parametrize("turn", [0.1, 0.6, -0.6, 3.0])
+@pytest.mark.parametrize("radius", [0.0, 1.5])
+def test_a_speck_that_only_the_tip_meets_is_found(radius: float, turn: float, share: float) -> None:
+    """Nothing of the robot moves farther than its tip: in place at R a radian, on an arc at 1 + R / radius a metre."""
+    if radius:
+        robot, tip = Robot.rectangle(0.002, 2.0).steered(radius), np.array([[0.0, -math.copysign(1.0 - 1e-4, turn)]])
+        signed = math.copysign(radius, turn)
+        at = [[signed * math.sin(t), signed * (1.0 - math.cos(t)), t] for t in (0.0, share * turn, turn)]
+    else:
+        robot, tip = Robot.rectangle(2.0, 0.002), np.array([[1.0 - 1e-4, 0.0]])
+        at = [[0.0, 0.0, t] for t in (0.0, share * turn, turn)]
+    start, passing, end = np.array(at)
+    x, y = se2.transform(passing, tip)[0]
+    world = World("w", (-3.0, -2.0, 3.0, 4.5), (Disc((x, y), 1e-5),))
+    motion = motion_of(StateChecker(world, robot, cell=0.004))  # so fine that its slack hides nothing
+    assert motion.checker.states_free(np.array([start, end])).all()
+    assert not motion.motion_valid(start, end)
 
 
 @pytest.mark.slow
