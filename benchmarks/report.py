@@ -56,12 +56,13 @@ def keep(program: str, claims: Sequence[Claim], words: Sequence[str] | None = No
     """Print what a program claims, and keep it for the page.
 
     Args:
-        program: name of the module in ``benchmarks``.
+        program: name of the module in ``benchmarks``, and of a kind of claims after a ``_``.
         claims: its rows.
         words: of its command line; those of this process by default.
     """
     print(markdown_table(Claim._fields, claims))
-    command = " ".join(["python -m", f"benchmarks.{program}", *(sys.argv[1:] if words is None else words)])
+    module = program.partition("_")[0]  # a program may keep claims of several kinds
+    command = " ".join(["python -m", f"benchmarks.{module}", *(sys.argv[1:] if words is None else words)])
     record = {"command": command, "machine": machine(), "claims": [claim._asdict() for claim in claims]}
     FOLDER.mkdir(parents=True, exist_ok=True)
     write_atomically(FOLDER / f"{program}.json", json.dumps(record, indent=1) + "\n")
@@ -77,25 +78,17 @@ def machine() -> str:
 def page(folder: Path) -> str:
     """Return the page of what the programs left in a folder."""
     records = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("*.json"))]
-    rows = [
-        [claim["what"], claim["figure"], claim["beside"], f"`{record['command']}`", claim["missed"]]
-        for record in records
-        for claim in record["claims"]
+    lines = [
+        "# Performance",
+        "",
+        "Written by `python -m benchmarks.report` from what the programs in `benchmarks/` measured, for a release.",
+        "Times drift by a factor of two from run to run: ratios were measured within one run.",
     ]
-    machines = sorted({record["machine"] for record in records})
-    return "\n".join(
-        [
-            "# Performance",
-            "",
-            "Written by `python -m benchmarks.report` from what the programs in `benchmarks/` measured, for a release.",
-            "Times drift by a factor of two from run to run: ratios were measured within one run.",
-            "",
-            markdown_table(["what", "figure", "compared with", "command", "not reached"], rows),
-            "",
-            *(f"- {line}" for line in machines),
-            "",
-        ]
-    )
+    for record in records:
+        lines += ["", f"## `{record['command']}`", "", record["machine"] + ".", ""]
+        lines += ["| what | figure | compared with | not reached |", "|---|---|---|---|"]
+        lines += ["| " + " | ".join(claim.values()) + " |" for claim in record["claims"]]
+    return "\n".join([*lines, ""])
 
 
 def main() -> int:
