@@ -44,7 +44,7 @@ def read_polygons(path: Path) -> list[Polygon]:
         ValueError,
         TypeError,
         RecursionError,
-        NotImplementedError,
+        NotImplementedError,  # shapely knows no curves of WKT
     ) as error:
         raise FormatError(path, f"{ALLOWED}, got {' '.join(str(error).split())[:120]}") from None
     if not found:

@@ -59,8 +59,8 @@ def plan_on_route(
     """Return the cheapest path over a route graph (:func:`trailmark.read_route_graph`); the caller holds the lock.
 
     Raises:
-        ConfigurationError: start or goal is not valid, it is no such graph or has no edge, or the robot is a car, which
-            cannot turn at a node.
+        ConfigurationError: start or goal is not valid; the graph has no edge, or a node without a position; or the
+            robot is a car, which cannot turn at a node.
     """
     import networkx as nx
 
